@@ -27,7 +27,7 @@ from rich.console import Console
 
 from adaptsim_cli import config
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import recording, records, running
+from adaptsim_cli.session import beginning, recording, records
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.opening import open_parts
@@ -91,7 +91,7 @@ def session(sizes: Sequence[int], plot: Path | None) -> None:
 
     vars(records)["read"] = counted
     with open_parts(resolved.config, Path(os.environ["ADAPTSIM_HOME"]) / "learnt") as parts:
-        store = running.begin(resolved.places.sessions, "grows", resolved.config, parts)
+        store = beginning.begin(resolved.places.sessions, "grows", resolved.config, parts)
         running_session = RunningSession(store, parts, Unattended(screen), screen)
         each, took_s = store.facts.particles * store.facts.trials, list[float]()
         print("trials  iteration  report     page  records read  peak memory")

@@ -25,6 +25,7 @@ from hw.errors import MotionRefused
 from hw.joint_limits import DT_S, derivatives
 from hw.motion_limits import FLANGE, RATED_NM, TORQUE_RATE_NM_S, TORQUE_SHARE, MotionLimits
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array, number
+from hw.watchdog import SILENCE_S, WORD_EVERY_S
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -131,6 +132,18 @@ STOP_S = 0.4
 LONGEST_S = 0.35
 """The longest stop. What is left of `STOP_S` is the time until the next moment at which one may begin, and the arm's
 lag."""
+STOPS_EVERY_S = 0.01
+"""The time between the moments of a path at which a stop is planned, and so may begin."""
+HEARD_S = WORD_EVERY_S + DT_S
+"""Time from the pedal's silence to the player: the wait for the program's next word, and one cycle."""
+NEXT_STOP_S = 2.0 * STOPS_EVERY_S
+"""The longest wait for a moment at which a stop may begin (`hw.franka.playback.motion_of`)."""
+LAG_S = STOP_S - LONGEST_S - NEXT_STOP_S
+"""How far an arm may be behind its commands."""
+BEFORE_S = SILENCE_S + HEARD_S + NEXT_STOP_S
+"""Time from the wish to stop to the first slowed command, at worst."""
+WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
+"""Time from the wish to stop to rest, in any motion that the program accepts."""
 EVERY_S = 0.02
 SHARES = ((0.95, 0.7), (0.9, 0.4), (0.8, 0.2), (0.6, 0.1), (0.4, 0.05))
 """Tried in turn: shares of the hardest and the sharpest braking that the limits seem to permit."""

@@ -15,28 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.braking import FULL, LONGEST_S, STOP_S, Braking, at_pace, check_braking
+from hw.braking import BEFORE_S, FULL, LAG_S, LONGEST_S, WORST_STOP_S, Braking, at_pace, check_braking
 from hw.capsules import segments
 from hw.collision import moving
-from hw.franka.playback import STOPS_EVERY_S
 from hw.joint_limits import DT_S
 from hw.kinematics import FLANGE as FLANGE_FRAME
 from hw.kinematics import link_poses
 from hw.motion_limits import FLANGE
 from hw.types import Array, JointPath
-from hw.watchdog import SILENCE_S, WORD_EVERY_S
 from hw.workcell import Workcell
 
-HEARD_S = WORD_EVERY_S + DT_S
-"""Time from the pedal's silence to the player: the wait for the program's next word, and one cycle."""
-NEXT_STOP_S = 2.0 * STOPS_EVERY_S
-"""The longest wait for a moment at which a stop may begin (`hw.franka.playback.motion_of`)."""
-LAG_S = STOP_S - LONGEST_S - NEXT_STOP_S
-"""How far an arm may be behind its commands."""
-BEFORE_S = SILENCE_S + HEARD_S + NEXT_STOP_S
-"""Time from the wish to stop to the first slowed command, at worst."""
-WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
-"""Time from the wish to stop to rest, in any motion that the program accepts."""
 REDUCED_M_S = 0.25
 """The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
 TRAVEL_EVERY = 10

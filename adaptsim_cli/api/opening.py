@@ -111,7 +111,7 @@ def begin(
     task, method, world, hardware and seed. Raises UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.bench.checkpoints import resolve
-    from adaptsim_cli.session import opening, running
+    from adaptsim_cli.session import beginning, opening, running
     from adaptsim_cli.session.own.mailbox import Mailbox
 
     flags: dict[str, Any] = {
@@ -136,7 +136,7 @@ def begin(
         )
     answerer = Mailbox() if settings.is_own else None
     with opening.open_parts(settings, folders.folder_of(root, chosen) / folders.SOLVER, answerer=answerer) as parts:
-        running.begin(root, chosen, settings, parts)
+        beginning.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 
 

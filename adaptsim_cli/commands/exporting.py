@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
 
 
+def format_names(incomplete: str) -> list[str]:
+    """Formats of `sessions export` that begin like this."""
+    return sorted(name for name in FORMATS if name.startswith(incomplete))
+
+
 @command()
 def report(
     screen: Screen, session: options.NewestSession = None, out: options.Out = None, force: options.Force = False
@@ -105,7 +110,7 @@ def export(
         str,
         typer.Option(
             "--format",
-            autocompletion=options.export_formats,
+            autocompletion=format_names,
             help=f"{', '.join(FORMATS)}.",
         ),
     ] = "csv",
@@ -123,7 +128,7 @@ def export(
     Example: adaptsim sessions export scooping-oreo --format mcap
     """
     from adaptsim_cli.session import formats
-    from adaptsim_cli.session.best import scene_files
+    from adaptsim_cli.session.best_scene import scene_files
 
     opened = options.stored(name)
     path = out or Path(formats.default_name(opened, kind))

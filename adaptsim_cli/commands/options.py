@@ -56,13 +56,6 @@ def hardware_names(incomplete: str) -> list[str]:
     return _like(incomplete, set(get_args(Config.model_fields["hw"].annotation)))
 
 
-def export_formats(incomplete: str) -> list[str]:
-    """Formats of `sessions export` that begin like this."""
-    from adaptsim_cli.session.formats import FORMATS
-
-    return _like(incomplete, set(FORMATS))
-
-
 def _folders(kind: str, incomplete: str, suffix: str = "") -> list[str]:
     from adaptsim_cli import config
 

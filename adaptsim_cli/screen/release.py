@@ -44,7 +44,7 @@ def grasping(width_m: float, force_N: float) -> str:
 
 def before_first(robot: str, table: str, pedal: bool) -> str:
     """The announcement before the first motion of a command; `table` names the things that may lie there."""
-    from hw.stopping import WORST_STOP_S
+    from hw.braking import WORST_STOP_S
 
     return (
         f"{robot} is about to move for the first time. Check: nobody within its reach, {table}, a hand on the arm's "

@@ -13,7 +13,7 @@ from adaptsim_cli.config import Config, load
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.trials import as_row
 from adaptsim_cli.session.checkpoint import checkpoint_of_session
-from adaptsim_cli.session.history import history_of, results_of, trials_of
+from adaptsim_cli.session.history import history_of, results_of
 from adaptsim_cli.session.records import as_records
 from adaptsim_cli.session.running import settings_of
 from adaptsim_cli.session.store import SessionStore
@@ -32,10 +32,6 @@ A_SIDE, MOST = 9, 81
 """Contexts at which a policy is exported: this many along each of two quantities; with more quantities, this many in
 all.
 """
-
-
-INTERVAL = (0.05, 0.95)
-"""Levels between which the stated share of the posterior lies."""
 
 
 @dataclass(frozen=True)
@@ -162,52 +158,3 @@ def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
 def _described(space: Space) -> list[dict[str, Any]]:
     words = {d.name: {"plain_name": d.plain, "meaning": d.meaning} for d in space.dimensions}
     return [{**record.model_dump(mode="json"), **words[record.name]} for record in as_records(space)]
-
-
-def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
-    """Name -> content of `ranges`, or of the scene as `sdf` or `mjcf`.
-
-    A scene is at the posterior mean; its context is that of the newest trial.
-
-    Raises NoHardware for a task without a scene, SessionError before the first complete iteration, CheckpointError,
-    OutOfRange, ExtraMissing.
-    """
-    if kind == "ranges":
-        from adaptsim_cli.session.ranges import ranges_files
-
-        return ranges_files(store)
-    from adaptsim_cli.session.hindsight import Hindsight
-    from sim.adaptation.posterior import COLLAPSED
-    from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
-
-    hindsight = Hindsight.of(store)
-    task = hindsight.checkpoint.solver.task
-    task.require_hardware()
-    posterior = hindsight.posterior(store)
-    interval = None if posterior.is_collapsed else posterior.quantiles(INTERVAL)
-    ends = [COLLAPSED] * len(task.parameters)
-    if interval is not None:
-        share = round(100 * (INTERVAL[1] - INTERVAL[0]))
-        ends = [f"{share} % of the posterior between {low:.4g} and {high:.4g}" for low, high in interval.T]
-    context = trials_of(store)[-1].context_array
-    action = policy_of_session(store, hindsight.checkpoint)(context)
-    trial = PlannedTrial(task, posterior.mean, context, action)
-    notes = [f"{task.title}: session {store.facts.name}, after {len(trials_of(store))} trials."]
-    notes += [
-        f"{d.title} = {mean:.4g}, {between}"
-        for d, mean, between in zip(task.parameters.dimensions, posterior.mean, ends, strict=True)
-    ]
-    facts = {
-        "session": store.facts.name,
-        "task": task.name,
-        "parameters": _named(task.parameters, posterior.mean),
-        "interval": None if interval is None else _named(task.parameters, interval.T),
-        "context": _named(task.context, context),
-        "action": _named(task.action, action),
-        "units": store.facts.units,
-    }
-    return (as_sdf if kind == "sdf" else as_mjcf)(trial, facts, notes)
-
-
-def _named(space: Space, values: Any) -> dict[str, Any]:
-    return dict(zip(space.names, np.asarray(values).tolist(), strict=True))

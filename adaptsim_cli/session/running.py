@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration, go_on_with
+from adaptsim_cli.session.beginning import NO_CONSENT, begin
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
 from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
@@ -29,17 +29,10 @@ from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.readiness import require_ready
 from adaptsim_cli.session.records import (
-    FORMAT,
     ROLLOUT,
-    WITH_CONTROL,
-    Draw,
     SessionFacts,
-    SessionStart,
-    as_records,
-    generator,
-    now,
 )
-from adaptsim_cli.session.results import rows_of
+from adaptsim_cli.session.same_parts import same_parts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
@@ -66,8 +59,6 @@ _FROZEN = (
 
 SHOWN_S = 3.0
 """Rollouts that take longer have a progress bar."""
-
-NO_CONSENT = "each motion of a real robot is confirmed at a terminal, also with --yes: run in a terminal"
 
 
 @dataclass(frozen=True)
@@ -121,7 +112,7 @@ def run_session(
     with ExitStack() as stack:
         parts = _opened(open_parts, config, folders.folder_of(root, name), screen, stack, begun=earlier is not None)
         operator = _operator(config, parts, request, screen)
-        store = _same_parts(earlier, parts, screen) if earlier else begin(root, name, config, parts)
+        store = same_parts(earlier, parts, screen) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
@@ -332,91 +323,3 @@ def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Ite
         return
     with screen.progress() as progress:
         yield lambda done, total: progress("rollouts", done, total)
-
-
-def begin(root: Path, name: str, config: Config, parts: SessionParts) -> SessionStore:
-    """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
-    particles = parts.adaptation.start(config.particles, generator(config.seed, Draw.START))
-    start = SessionStart(particles=tuple(rows_of(p) for p in particles))
-    return SessionStore.create(root, facts_for(name, config, parts), start)
-
-
-def facts_for(name: str, config: Config, parts: SessionParts, **changes: str | int) -> SessionFacts:
-    """The facts of a new session; `changes` are fields that do not come from the settings."""
-    facts = SessionFacts(
-        format=WITH_CONTROL if config.control else FORMAT,
-        name=name,
-        task=parts.task.name,
-        hw=config.hw,
-        world=config.lab_world,
-        recorded=config.recorded,
-        held_out=config.held_out if config.recorded else 0.0,
-        start_from=config.start_from,
-        seed=config.seed,
-        method=config.method,
-        control=config.control,
-        pairs=config.pairs,
-        control_seed=config.seed if config.is_simulated or not config.control else secrets.randbits(31),
-        solver=config.solver,
-        object=config.object,
-        particles=config.particles,
-        trials=parts.task.adaptation.trials_per_iteration,
-        created=now(),
-        title=parts.task.title,
-        object_name=parts.task.object_name,
-        task_file="" if parts.task.file is None else parts.task.file.path,
-        task_sha256="" if parts.task.file is None else parts.task.file.sha256,
-        parameters=as_records(parts.task.parameters),
-        context=as_records(parts.task.context),
-        action=as_records(parts.task.action),
-        **asdict(parts.provenance),
-        curves=dict(zip(parts.task.observation.curves, parts.task.observation.columns, strict=False)),
-    )
-    return facts.model_copy(update=changes)
-
-
-_OWN = {
-    "calibration or touch-off": ". If camera, table and tool have not moved, the session can continue with its own: "
-    "add --own-calibration"
-}
-
-
-def _same_parts(store: SessionStore, parts: SessionParts, screen: Screen) -> SessionStore:
-    """The store, if its checkpoint, calibration and world are still those that it was begun with."""
-    facts, now = store.facts, parts.provenance
-    learnt = "checkpoint" if parts.rollouts is None else "physics or a range of the task"
-    for what, was, digest in (
-        (learnt, facts.checkpoint_sha256, now.checkpoint_sha256),
-        ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
-        ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
-        ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),
-        ("posterior that it started from", facts.start_from_sha256, now.start_from_sha256),
-        ("policy of its control trials", facts.control_sha256, now.control_sha256),
-    ):
-        if was != digest:
-            raise UsageError(
-                f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {digest[:12]} now): "
-                "its trials cannot be compared with new ones. Restore it, or give another --session"
-                + _OWN.get(what, "")
-            )
-    if changed := changed_file(facts, parts):
-        screen.note(changed)
-    return store
-
-
-def changed_file(facts: SessionFacts, parts: SessionParts) -> str:
-    """A sentence if the file of the task has changed since the session was begun; empty if not.
-
-    A change of its names, ranges or physics is refused with the checkpoint, so this one means nothing.
-    """
-    file = parts.task.file
-    if file is None or not facts.task_sha256 or facts.task_sha256 == file.sha256:
-        return ""
-    return (
-        f"{file.path} has changed since the session was begun ({facts.task_sha256[:12]} then, {file.sha256[:12]} now). "
-        "Its names, ranges and physics are those of the checkpoint."
-    )
-
-
-def _ms(t_s: float) -> str:
-    return f"{1e3 * t_s:.3f} ms"

@@ -16,13 +16,13 @@ from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen.views import failures
+from adaptsim_cli.session.beginning import NO_CONSENT, facts_for
 from adaptsim_cli.session.ending import before_adapting
 from adaptsim_cli.session.flow import RunningSession, stages
 from adaptsim_cli.session.folders import folder_of
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
 from adaptsim_cli.session.results import rows_of
-from adaptsim_cli.session.running import NO_CONSENT, facts_for
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged

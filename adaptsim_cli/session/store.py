@@ -285,7 +285,7 @@ class SessionStore:
 
     def scratch(self, name: str, content: bytes) -> Path:
         """Write a temporary file for the operator to look at; it is not part of the record."""
-        path = self.folder / name
+        path = self.folder / f".{name}"
         with durable.explained(path):
             path.write_bytes(content)
         return path

@@ -18,7 +18,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from hw.braking import check_braking, joint_spline
+from hw.braking import STOPS_EVERY_S, check_braking, joint_spline
 from hw.errors import MotionRefused
 from hw.franka.driver import FAULT, Failure, Reading, SdkState
 from hw.franka.starting import HELD_RAD, START_S
@@ -29,7 +29,6 @@ from hw.quantities import QUANTITIES
 from hw.types import PATH_RATE_HZ, Array, JointPath
 from hw.watchdog import SILENCE_S, since_boot_s
 
-STOPS_EVERY_S = 0.01
 STEP_RAD = 3e-6
 """How far the first command may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
 and 3000 rad/s³, which every joint of all arms may do. States in single precision differ by less."""

@@ -17,22 +17,24 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("adaptsim_cli", "hw", "perception", "sim", "calib")
 COMMANDS = "adaptsim_cli.commands."
 MOST_LINES = {
-    "benchmark": 45_000,
-    "calibrate": 40_000,
-    "checkpoints": 26_000,
-    "config": 22_000,
-    "dashboard": 22_000,
+    "benchmark": 44_000,
+    "calibrate": 39_000,
+    "checkpoints": 22_000,
+    "config": 18_000,
+    "dashboard": 21_000,
+    "explain": 42_000,
     "exporting": 30_000,
-    "lab": 25_000,
-    "measurements": 34_000,
-    "own_object": 28_000,
-    "pretrain": 26_000,
+    "find": 20_000,
+    "lab": 24_000,
+    "measurements": 32_000,
+    "own_object": 23_000,
+    "pretrain": 22_000,
     "rollout": 43_000,
-    "run_iteration": 30_000,
+    "run_iteration": 27_000,
     "sessions": 31_000,
     "setup": 53_000,
-    "task": 30_000,
-    "touch_off": 35_000,
+    "task": 15_000,
+    "touch_off": 33_000,
 }
 """Of the modules that a command's module reaches, itself included."""
 SHARED = {"__init__", "app", "command", "options", "rows", "settings"}
@@ -102,7 +104,8 @@ def test_the_loop_of_a_session_knows_no_driver_no_lab_and_no_tracker() -> None:
 
 
 def test_a_bound_that_is_passed_is_named() -> None:
-    assert _too_large({"run_iteration": 30_001}) == ["run_iteration: 30001 of at most 30000 lines"]
+    bound = MOST_LINES["run_iteration"]
+    assert _too_large({"run_iteration": bound + 1}) == [f"run_iteration: {bound + 1} of at most {bound} lines"]
 
 
 def _too_large(sizes: Mapping[str, int]) -> list[str]:

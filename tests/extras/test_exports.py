@@ -16,7 +16,7 @@ import pytest
 from toy_session import run
 
 from adaptsim_cli.session import episodes, exporting, formats, replaying
-from adaptsim_cli.session.best import scene_files
+from adaptsim_cli.session.best_scene import scene_files
 from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.store import SessionStore

@@ -3,10 +3,9 @@ import pytest
 from cells import READY, cell, joint, move, smooth, stick
 from hard_paths import LOADED, paths
 
-from hw.braking import LONGEST_S, STOP_S, brake, check_braking, joint_spline, slowed
+from hw.braking import LONGEST_S, STOP_S, STOPS_EVERY_S, brake, check_braking, joint_spline, slowed
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
-from hw.franka.playback import STOPS_EVERY_S
 from hw.types import ContactWindow, JointPath
 
 PANDA = cell("panda").motion

@@ -9,20 +9,12 @@ import pytest
 from cells import READY, cell, joint, move
 from hard_paths import LOADED
 
-from hw.braking import FULL, LONGEST_S, STOP_S, at_pace
+from hw.braking import BEFORE_S, FULL, LAG_S, LONGEST_S, STOP_S, WORST_STOP_S, at_pace
 from hw.capsules import segments
 from hw.collision import moving
 from hw.franka.playback import motion_of
 from hw.kinematics import link_poses
-from hw.stopping import (
-    BEFORE_S,
-    LAG_S,
-    REDUCED_M_S,
-    WORST_STOP_S,
-    reduced_pace,
-    speeds_m_s,
-    worst_stop,
-)
+from hw.stopping import REDUCED_M_S, reduced_pace, speeds_m_s, worst_stop
 from hw.types import Array, JointPath
 from hw.watchdog import SILENCE_S
 

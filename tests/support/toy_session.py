@@ -20,7 +20,7 @@ from adaptsim_cli import config
 from adaptsim_cli.commands import app
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session import opening, running
+from adaptsim_cli.session import beginning, opening, running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
@@ -90,7 +90,7 @@ def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: st
     parts = toy_parts(lab or ToyLab(0), name)
     root = settings.places.sessions
     store = (
-        SessionStore.open(root, NAME) if (root / NAME).is_dir() else running.begin(root, NAME, settings.config, parts)
+        SessionStore.open(root, NAME) if (root / NAME).is_dir() else beginning.begin(root, NAME, settings.config, parts)
     )
     return RunningSession(store, parts, operator, silent())
 

@@ -39,12 +39,13 @@ from adaptsim_cli.bench.rig_file import devices
 from adaptsim_cli.bench.rig_file.devices import DeviceKind
 from adaptsim_cli.bench.rig_file.reading import gaps
 from adaptsim_cli.config import Resolved
+from hw.braking import WORST_STOP_S
 from hw.collision import BARE_HAND
 from hw.franka.identity import TITLES, identify, narrowed, unsure
 from hw.franka.realtime import PRIORITY
 from hw.franka.starting import SPARE, proposed
 from hw.joint_limits import LIMITS
-from hw.stopping import WORST_STOP_S, worst_stop
+from hw.stopping import worst_stop
 
 CHECKS: dict[str, DoctorCheck] = dict(computer.CHECKS)
 """Every check by its name, in the order of the screen."""

@@ -13,7 +13,7 @@ import pytest
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import best, formats, history
+from adaptsim_cli.session import best_scene, formats, history
 from adaptsim_cli.session.best import TaskPolicy
 from adaptsim_cli.session.hindsight import Hindsight
 from hw.types import Array
@@ -157,14 +157,14 @@ def store(monkeypatch) -> SimpleNamespace:
         checkpoint=SimpleNamespace(solver=SimpleNamespace(task=PUSHING)), posterior=lambda store: known
     )
     monkeypatch.setattr(Hindsight, "of", lambda store: found)
-    monkeypatch.setattr(best, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
-    monkeypatch.setattr(best, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
+    monkeypatch.setattr(best_scene, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
+    monkeypatch.setattr(best_scene, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     monkeypatch.setattr(history, "played_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 
 
 def test_it_holds_the_mean_the_interval_and_the_policys_action(store, tmp_path):
-    (file, trial) = formats.export(store, "sdf", tmp_path / "adapted", best.scene_files)
+    (file, trial) = formats.export(store, "sdf", tmp_path / "adapted", best_scene.scene_files)
     told, text = json.loads(trial.read_text()), file.read_text()
     assert told["parameters"] == pytest.approx({"mu": 0.15, "e": 1e5, "mu_p": 0.4, "y_p": 0.02})
     assert told["interval"]["mu"] == pytest.approx([0.1, 0.2])
@@ -177,4 +177,4 @@ def test_it_holds_the_mean_the_interval_and_the_policys_action(store, tmp_path):
 
 def test_nothing_is_overwritten(store, tmp_path):
     with pytest.raises(UsageError, match="exists already: name another --out"):
-        formats.export(store, "sdf", tmp_path, best.scene_files)
+        formats.export(store, "sdf", tmp_path, best_scene.scene_files)

@@ -11,7 +11,7 @@ from toy_rig import PARAMETERS, TASK, ToyLab, ToyPolicy, opener, toy_parts
 from toy_session import ScriptedOperator, resolved, silent, summary
 
 from adaptsim_cli.errors import Interrupted, SessionError, UsageError
-from adaptsim_cli.session import records, running, terminal_views
+from adaptsim_cli.session import beginning, records, running, terminal_views
 from adaptsim_cli.session.advice import compared_in_words
 from adaptsim_cli.session.control import ControlPolicy, compared, pairs_of, planned_pairs, power_in_words
 from adaptsim_cli.session.correcting import amend, amendable, redo
@@ -41,7 +41,7 @@ def begun(home, operator=None, lab=None) -> RunningSession:
     settings = resolved(home, control="udr")
     parts, root = toy_parts(lab or ToyLab(0), control=controls), settings.places.sessions
     store = (
-        SessionStore.open(root, NAME) if (root / NAME).is_dir() else running.begin(root, NAME, settings.config, parts)
+        SessionStore.open(root, NAME) if (root / NAME).is_dir() else beginning.begin(root, NAME, settings.config, parts)
     )
     return RunningSession(store, parts, operator or ScriptedOperator(), silent())
 
@@ -75,7 +75,7 @@ def test_nothing_is_learnt_from_control_trials(whole, tmp_path):
     plain = resolved(tmp_path)
     parts = toy_parts(ToyLab(0))
     other = RunningSession(
-        running.begin(plain.places.sessions, "p", plain.config, parts), parts, ScriptedOperator(), silent()
+        beginning.begin(plain.places.sessions, "p", plain.config, parts), parts, ScriptedOperator(), silent()
     )
     run_iteration(other)
     assert whole.store.result(0).next_particles == other.store.result(0).next_particles
@@ -123,9 +123,9 @@ def test_numbers_and_iterations_of_a_layout_agree():
 
 def test_a_real_arm_draws_an_order_that_nobody_knows(tmp_path):
     settings = resolved(tmp_path, control="udr").config
-    simulated = [running.facts_for("s", settings, toy_parts(ToyLab(0))).control_seed for _ in range(2)]
+    simulated = [beginning.facts_for("s", settings, toy_parts(ToyLab(0))).control_seed for _ in range(2)]
     real = settings.model_copy(update={"hw": "panda"})
-    drawn = {running.facts_for("s", real, toy_parts(ToyLab(0))).control_seed for _ in range(3)}
+    drawn = {beginning.facts_for("s", real, toy_parts(ToyLab(0))).control_seed for _ in range(3)}
     assert simulated == [0, 0] and len(drawn) == 3
 
 
@@ -230,7 +230,7 @@ def test_the_cost_is_said_before_and_nothing_is_promised_that_has_not_begun(tmp_
 
 def test_a_session_with_control_is_of_a_format_that_older_programs_refuse(whole, tmp_path):
     assert whole.store.facts.format == records.WITH_CONTROL > records.FORMAT
-    plain = running.facts_for("s", resolved(tmp_path).config, toy_parts(ToyLab(0)))
+    plain = beginning.facts_for("s", resolved(tmp_path).config, toy_parts(ToyLab(0)))
     assert (plain.format, plain.control, plain.control_seed) == (records.FORMAT, "", 0)
     assert plain.layout == Layout(2, 2)
     path = tmp_path / "session.toml"

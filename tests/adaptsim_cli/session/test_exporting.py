@@ -14,7 +14,7 @@ from toy_session import NAME
 
 from adaptsim_cli.commands import app
 from adaptsim_cli.session import exporting, formats, motion_table, recording, replaying, topics
-from adaptsim_cli.session.best import scene_files
+from adaptsim_cli.session.best_scene import scene_files
 from hw.quantities import QUANTITIES
 
 

@@ -19,7 +19,7 @@ from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent,
 
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.commands import app
-from adaptsim_cli.session import recording, running
+from adaptsim_cli.session import beginning, recording
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.preflight import calibration_check, drift
 from adaptsim_cli.session.rig_target import RigTarget
@@ -104,7 +104,7 @@ def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path):
     target = rig_target(parts)
     parts = replace(parts, target=replace(target, rig=replace(target.rig, pace=0.3)))
     settings = resolved(tmp_path)
-    store = running.begin(settings.places.sessions, "s", settings.config, parts)
+    store = beginning.begin(settings.places.sessions, "s", settings.config, parts)
     with pytest.raises(Rehearsed, match=r"pace 0\.3 .*nothing is learnt .*without --pace") as raised:
         run_iteration(RunningSession(store, parts, unattended(), silent()))
     assert app.exit_code(raised.value) == 7

@@ -22,7 +22,7 @@ from adaptsim_cli.commands import app
 from adaptsim_cli.errors import AnswerAwaited
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import opening, running
+from adaptsim_cli.session import beginning, opening, running
 from adaptsim_cli.session.control import ControlPolicy
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.folders import QUESTIONS, session_parts
@@ -69,7 +69,7 @@ def _python(home: Path, monkeypatch: pytest.MonkeyPatch) -> SessionStore:
     settings = resolved(home, hw="own", answer_with="")
     root = settings.places.sessions
     with opener(Mailbox())(settings.config, root / "toy-own/naf") as parts:
-        store = running.begin(root, "toy-own", settings.config, parts)
+        store = beginning.begin(root, "toy-own", settings.config, parts)
         session = RunningSession(store, parts, ScriptedOperator(), _screen("", monkeypatch))
         with pytest.raises(AnswerAwaited):
             run_iteration(session)

@@ -12,7 +12,7 @@ from toy_rig import ToyLab, toy_parts
 from toy_session import NAME, resolved
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session import folders, keeping, records, running
+from adaptsim_cli.session import beginning, folders, keeping, records
 from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import details
@@ -169,7 +169,7 @@ def test_the_newest_session_is_the_one_begun_last(tmp_path):
         folders.newest(tmp_path / "data" / "sessions")
     for seed in (2, 1):
         settings = resolved(tmp_path, seed=seed)
-        running.begin(settings.places.sessions, f"toy-wd-seed{seed}", settings.config, toy_parts(ToyLab(0)))
+        beginning.begin(settings.places.sessions, f"toy-wd-seed{seed}", settings.config, toy_parts(ToyLab(0)))
     assert folders.newest(tmp_path / "data" / "sessions") == "toy-wd-seed1"
 
 

@@ -21,25 +21,25 @@ def explain(
 
     Example: adaptsim explain "the enabling pedal was released"
     """
-    from adaptsim_cli.commands import app
+    from adaptsim_cli.commands import exit_codes
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import messages
     from adaptsim_cli.screen.pages import addressed
 
-    kinds = messages.error_kinds(app.documented_errors())
-    known = messages.nearest(message, messages.all_messages(frozenset(kinds)), SHOWN)
-    if not known:
+    kinds = messages.error_kinds(exit_codes.documented_errors())
+    alike = messages.nearest(message, messages.all_messages(frozenset(kinds)), SHOWN)
+    if not alike:
         raise UsageError(
             f"no message of this version is like {message!r}: copy a whole sentence of it. "
             f"{addressed('docs/guide/faults.md')} lists faults of an arm"
         )
     lines = []
-    for number, one in enumerate(known):
+    for number, one in enumerate(alike):
         lines += [""] if number else []
         lines.append(one.template)
         if one.kind:
             kind = kinds[one.kind]
-            code = app.exit_code(kind(""))
+            code = exit_codes.exit_code(kind(""))
             lines.append(f"  Kind: {one.kind}, exit code {code}. {messages.meaning_of(kind)}")
             lines.append(f"  Next: {messages.ADVICE[code]}")
         else:

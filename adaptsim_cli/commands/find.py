@@ -40,7 +40,7 @@ def find(screen: Screen, resolved: Resolved) -> Reply:
     text: list[RenderableType] = []
     for row in rows:
         text.append(Text.assemble((row["device"], "bold"), f": {row['name']}"))
-        text.append(views.indent(Text(row["found"])))
+        text.append(views.indent(Text(row["answer"])))
         if row["entry"]:
             text.append(views.indent(Text(f"Rig file: {row['entry']}")))
     if not any(row["device"] == reachable.PORT for row in rows):

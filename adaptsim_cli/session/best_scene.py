@@ -32,7 +32,7 @@ def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
         return ranges_files(store)
     from adaptsim_cli.session.hindsight import Hindsight
     from sim.adaptation.posterior import COLLAPSED
-    from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
+    from sim.lab.scene_files import SceneTrial, as_mjcf, as_sdf
 
     hindsight = Hindsight.of(store)
     task = hindsight.checkpoint.solver.task
@@ -45,7 +45,7 @@ def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
         ends = [f"{share} % of the posterior between {low:.4g} and {high:.4g}" for low, high in interval.T]
     context = trials_of(store)[-1].context_array
     action = policy_of_session(store, hindsight.checkpoint)(context)
-    trial = PlannedTrial(task, posterior.mean, context, action)
+    trial = SceneTrial(task, posterior.mean, context, action)
     notes = [f"{task.title}: session {store.facts.name}, after {len(trials_of(store))} trials."]
     notes += [
         f"{d.title} = {mean:.4g}, {between}"

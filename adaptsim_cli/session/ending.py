@@ -39,7 +39,7 @@ def at_the_verdict(session: RunningSession, stage: Stage) -> bool:
 def asked_at_the_verdict(most: int) -> EndRule:
     """Asks where the verdict says stop. With nobody to ask it says that `most` iterations were ordered, and goes on."""
 
-    def asked(session: RunningSession, stage: Stage) -> bool:
+    def ends(session: RunningSession, stage: Stage) -> bool:
         if not (isinstance(stage, Show) and at_the_verdict(session, stage)):
             return False
         if isinstance(session.operator, Unattended):
@@ -52,4 +52,4 @@ def asked_at_the_verdict(most: int) -> EndRule:
         end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
         return session.screen.choose("The verdict says stop. Run another iteration?", on, end) != "y"
 
-    return asked
+    return ends

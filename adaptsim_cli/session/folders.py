@@ -92,7 +92,7 @@ def _begun(folder: Path) -> tuple[float, int]:
 
 
 @dataclass(frozen=True)
-class SessionParts:
+class SessionFolders:
     """The folders in a session's folder, by their contents."""
 
     iterations: Mapping[int, Path]  # by index from 0, in order
@@ -101,13 +101,13 @@ class SessionParts:
     others: tuple[Path, ...]  # none of this version: of a newer one, or a person's own
 
 
-def session_parts(folder: Path) -> SessionParts:
+def session_parts(folder: Path) -> SessionFolders:
     """The parts of the session in `folder`. A new kind of folder needs a line here, and nowhere else."""
     folders = [entry for entry in entries(folder) if entry.is_dir()]
     numbered = {int(match[1]) - 1: entry for entry in folders if (match := _ITERATION.fullmatch(entry.name))}
     named = {entry.name: entry for entry in folders if not _ITERATION.fullmatch(entry.name)}
     questions, solver = named.pop(QUESTIONS, None), named.pop(SOLVER, None)
-    return SessionParts(dict(sorted(numbered.items())), questions, solver, tuple(named.values()))
+    return SessionFolders(dict(sorted(numbered.items())), questions, solver, tuple(named.values()))
 
 
 def entries(folder: Path) -> list[Path]:

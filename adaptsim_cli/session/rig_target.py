@@ -42,7 +42,7 @@ from sim.tasks.task import Task
 class RigPlan(PlannedTrial):
     """A planned trial with the three paths of the arm."""
 
-    found: FoundObject
+    sighting: FoundObject
     paths: Paths
 
 
@@ -182,7 +182,7 @@ class RigTarget:
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
             overlay=placed.overlay,
             preview=preview_of(self.task, self.rig, self.tracker, self.planner, placed, paths),
-            found=placed,
+            sighting=placed,
             paths=paths,
             digest=played[0].digest,
         )
@@ -228,7 +228,7 @@ class RigTarget:
                 "command without --pace makes the trial"
             )
         finish = partial(self._finished, planned, begun, after)
-        return RigMotion(self, planned.context, planned.action, stopped, planned.found.detection, followed, finish)
+        return RigMotion(self, planned.context, planned.action, stopped, planned.sighting.detection, followed, finish)
 
     def read(self, folder: Path, context: Array, action: Array) -> RigMotion:
         """See `Target`."""
@@ -320,10 +320,10 @@ class RigTarget:
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
         def followed() -> ObjectTrack:
-            return self._follow(planned.context, planned.action, begun.result().recording, planned.found.detection)
+            return self._follow(planned.context, planned.action, begun.result().recording, planned.sighting.detection)
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
-        compressed = [pool.submit(recording.stored, planned.found.frame, lossless=True)]
+        compressed = [pool.submit(recording.stored, planned.sighting.frame, lossless=True)]
         one_by_one = [filmed[i : i + 1] for i in range(len(filmed))]
         compressed += [pool.submit(lambda one: recording.stored(self.in_time(one[0])), one) for one in one_by_one]
         begun = pool.submit(encoded)
@@ -348,7 +348,7 @@ class RigTarget:
                 files = {RIG: to_json(facts)}
             except ValueError as error:  # NaN must not cost the recording
                 files = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": planned.found.overlay, **files}, stored
+        return {recording.FILE: mcap, "overlay.jpg": planned.sighting.overlay, **files}, stored
 
 
 def _motionless(t_s: float) -> Execution:

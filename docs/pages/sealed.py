@@ -94,7 +94,7 @@ Training bevels the turner to 0.2 mm; a real one is blunt. In 256 rollouts with 
 
     python benchmarks/blunt_edge.py
 
-A training in that scene is possible now: `adaptsim pretrain --object` with an [object file](../guide/own-objects.md) whose effect is `edge = [0.0011, 3000.0]`.
+A training in that scene is possible now: `adaptsim pretrain --object FILE.toml` with an [object file](../guide/own-objects.md) whose effect is `edge = [0.0011, 3000.0]`.
 """
 
 

@@ -83,8 +83,7 @@ class OutcomePosterior:
             return first.parameters, self.weights
         log = self._log_posterior(first.predicted)
         weights = _weights(first.log_prior + log)
-        is_fixed = simulators.is_grid or first.parameters is not simulators.truths
-        if is_fixed or 1.0 / (weights**2).sum() >= RESOLVED:
+        if simulators.is_grid or first.is_fitted or 1.0 / (weights**2).sum() >= RESOLVED:
             return first.parameters, weights
         space = simulators.task.margin
 

@@ -55,7 +55,8 @@ class Candidates:
     parameters: Array  # (K, p) in units
     log_prior: Array  # (K,) of the prior over the density that proposed them
     predicted: Predicted | None  # None: no trial yet
-    left: float  # misfit left by the best simulator, as a share of the tolerated one; 1 unless it is exact
+    left: float = 1.0  # misfit left by the best simulator, as a share of the tolerated one; 1 unless it is exact
+    is_fitted: bool = False  # points around the fit of an exact simulator, which needs no refinement
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +148,10 @@ class Simulators:
         """The simulators to weigh by trials: `truths`, or for an exact simulator those around the best fit."""
         weighs = bool(trials) and self.strengths.weights > 0.0
         if not weighs or not is_exact(self.solver):
-            return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None, 1.0)
+            return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None)
         fit = exact_fit(self.solver, trials, self.truths, self.prior)
-        return Candidates(fit.parameters, fit.log_prior, self.predict(trials, fit.parameters, fit.left), fit.left)
+        predicted = self.predict(trials, fit.parameters, fit.left)
+        return Candidates(fit.parameters, fit.log_prior, predicted, fit.left, is_fitted=True)
 
     def on_grid(self, trials: Sequence[Trial]) -> Predicted:
         """Predictions of all `truths` for trials; cached per trial."""

@@ -34,7 +34,7 @@ _AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedTrial:
+class SceneTrial:
     """A trial of a task without an arm, all values in units; the nuisance is in the middle of its range."""
 
     task: Task
@@ -57,7 +57,7 @@ class PlannedTrial:
         return self.task.nuisance.middle
 
 
-def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
+def as_sdf(trial: SceneTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
     """Name -> content of each file; `facts` go into trial.json, `notes` into a comment. Raises NoHardware."""
     course, hardware = trial.course(), trial.task.require_hardware()
     dt_s = hardware.time_step_s(None)
@@ -81,7 +81,7 @@ def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) 
     return {"scene.sdf": writer.text(), **writer.meshes, "trial.json": _json(facts, details)}
 
 
-def as_mjcf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
+def as_mjcf(trial: SceneTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
     """The same for MuJoCo, in the scene of its foreign physics. Raises NoHardware, OutOfRange, ExtraMissing."""
     course = trial.course()
     text = mjcf_of(trial.task.name)(course, trial.parameters, trial.nuisance)

@@ -10,7 +10,7 @@ import pytest
 import typer
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli.commands import app
+from adaptsim_cli.commands import app, exit_codes
 from adaptsim_cli.session import opening
 from perception.errors import TrackingFailed
 
@@ -57,14 +57,14 @@ def test_an_error_in_any_command_ends_it_with_its_documented_code(
         raise raised[-1]
 
     monkeypatch.setattr(COMMANDS[path], "callback", failing)
-    for kind in app.documented_errors():
+    for kind in exit_codes.documented_errors():
         raised.append(kind("what happened"))
         code = app.run(line)
         err = capfd.readouterr().err
         assert "what happened" in err.lower() or kind is KeyboardInterrupt, (
             "the command line of this test was refused before the command began"
         )
-        assert code == app.exit_code(raised[-1]) != 0
+        assert code == exit_codes.exit_code(raised[-1]) != 0
 
 
 def test_a_session_that_ends_in_an_error_without_a_trial_does_too(

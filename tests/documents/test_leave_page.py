@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from adaptsim_cli.session.best import contexts_of
-from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
+from sim.lab.scene_files import SceneTrial, as_mjcf, as_sdf
 from sim.tasks import get_task
 
 PAGE = Path(__file__).parents[2] / "docs/guide/leave.md"
@@ -22,9 +22,9 @@ SEEDS = {"pushing": (0, 3), "scooping": (0, 1)}
 """Of the trials: pushed off the middle and toppled, missed and scooped."""
 
 
-def drawn(name: str, seed: int) -> PlannedTrial:
+def drawn(name: str, seed: int) -> SceneTrial:
     task, rng = get_task(name), np.random.default_rng(seed)
-    return PlannedTrial(task, *(space.sample(rng, 1)[0] for space in (task.parameters, task.context, task.action)))
+    return SceneTrial(task, *(space.sample(rng, 1)[0] for space in (task.parameters, task.context, task.action)))
 
 
 def run(code: str, files: dict[str, bytes], folder: Path) -> tuple[np.ndarray, np.ndarray]:

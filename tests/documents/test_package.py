@@ -55,7 +55,7 @@ def test_without_a_repository_links_keep_their_words(setup):
 
 def test_the_readme_has_a_picture_that_is_small():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    first = re.search(r"!\[[^\]]+\]\((\S+\.(?:png|jpg))\)", text)
+    first = re.search(r"!\[[^\]]+\]\((\S+\.(?:png|jpg|webp))\)", text)
     assert (ROOT / first[1]).stat().st_size < 400_000
     assert text.index(first[0]) < 100
 

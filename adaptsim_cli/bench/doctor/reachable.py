@@ -60,9 +60,9 @@ def arm(config: Config) -> Row:
     """The arm at the address of the rig file. Raises UsageError without a rig file."""
     part = rig_of(config, tasks_with_tools()).arm
     times_ms, lost, problem = readings.round_trips(part.address)
-    found = f"answers in {min(times_ms):.2f} ms, {lost} lost" if times_ms else f"does not answer: {problem}"
-    return _row("arm", part.address, found, f'[arm] address = "{part.address}"')
+    answer = f"answers in {min(times_ms):.2f} ms, {lost} lost" if times_ms else f"does not answer: {problem}"
+    return _row("arm", part.address, answer, f'[arm] address = "{part.address}"')
 
 
-def _row(device: str, name: str, found: str, entry: str) -> Row:
-    return {"device": device, "name": name, "found": found, "entry": entry}
+def _row(device: str, name: str, answer: str, entry: str) -> Row:
+    return {"device": device, "name": name, "answer": answer, "entry": entry}

@@ -198,6 +198,9 @@ class BenchmarkOutput(Output):
     left_out: dict[str, str] = described("methods that these checkpoints do not hold, and why")
     rows: list[dict[str, Any]] = described("one for a method, a world and a seed")
     summary: list[dict[str, Any]] = described("one for a set of worlds")
+    strata: dict[str, Any] | None = optional(
+        "worlds in need of an action of their own and the others; absent: not sealed"
+    )
     report: str = described("page that was written")
 
 

@@ -225,7 +225,7 @@ class DeviceRow(Record):
 
     device: str = described("which kind of device")
     name: str = described("its serial number, port or address; none: no device of this kind")
-    found: str = described("what it answered")
+    answer: str = described("its answer, or the reason why there is none")
     entry: str = described("its entry in the rig file; empty: not known")
 
 

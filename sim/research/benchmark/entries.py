@@ -48,8 +48,8 @@ class Entry:
     @classmethod
     def parse(cls, text: str) -> Entry:
         """The entry called `text`."""
-        name, _, told = text.partition("@")
-        ranges = next((one for one in RANGES if one == told), None)
+        name, _, ending = text.partition("@")
+        ranges = next((one for one in RANGES if one == ending), None)
         if "@" in text and ranges is None:
             raise UnknownName(f"{text}: after @ there is {' or '.join(RANGES)}")
         return cls(name, ranges)

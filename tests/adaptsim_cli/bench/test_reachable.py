@@ -20,14 +20,14 @@ def test_a_camera_has_its_entry(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(readings, "cameras", lambda kind: plugged)
     first, second = reachable.cameras("k4a")
     assert (first["name"], first["entry"]) == ("123", '[camera] kind = "k4a", serial = "123"')
-    assert (second["found"], second["entry"]) == ("another program uses it", "")
+    assert (second["answer"], second["entry"]) == ("another program uses it", "")
 
 
 def test_a_library_that_is_missing_is_named_once(monkeypatch: pytest.MonkeyPatch) -> None:
     absent = report(error="the library is missing: pip install x", fix="pip install x")
     monkeypatch.setattr(readings, "cameras", lambda kind: absent)
     (row,) = reachable.cameras("realsense")
-    assert row["found"] == "the library is missing: pip install x"
+    assert row["answer"] == "the library is missing: pip install x"
 
 
 def test_a_port_whose_cable_names_the_pedal_has_its_entry(tmp_path: Path) -> None:

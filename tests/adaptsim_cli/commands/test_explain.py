@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from adaptsim_cli.commands import app
+from adaptsim_cli.commands import app, exit_codes
 from adaptsim_cli.screen import messages
 
 
@@ -40,15 +40,15 @@ def test_a_cause_inside_other_messages_is_found(capsys):
 
 
 def test_every_documented_error_has_advice_and_a_meaning():
-    kinds = messages.error_kinds(app.documented_errors())
+    kinds = messages.error_kinds(exit_codes.documented_errors())
     assert len(kinds) > 30
     for name, kind in kinds.items():
-        assert app.exit_code(kind("")) in messages.ADVICE, name
+        assert exit_codes.exit_code(kind("")) in messages.ADVICE, name
         assert messages.meaning_of(kind).endswith("."), name
 
 
 def test_every_message_is_nearest_to_itself():
-    known = messages.all_messages(frozenset(messages.error_kinds(app.documented_errors())))
+    known = messages.all_messages(frozenset(messages.error_kinds(exit_codes.documented_errors())))
     assert len(known) > 500
     for one in known[::40]:
         assert messages.nearest(one.template, known, 3)[0].template == one.template

@@ -18,7 +18,7 @@ from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent, unattended
 
 from adaptsim_cli.bench.facts import RigFacts
-from adaptsim_cli.commands import app
+from adaptsim_cli.commands import exit_codes
 from adaptsim_cli.session import beginning, recording
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.preflight import calibration_check, drift
@@ -107,7 +107,7 @@ def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path):
     store = beginning.begin(settings.places.sessions, "s", settings.config, parts)
     with pytest.raises(Rehearsed, match=r"pace 0\.3 .*nothing is learnt .*without --pace") as raised:
         run_iteration(RunningSession(store, parts, unattended(), silent()))
-    assert app.exit_code(raised.value) == 7
+    assert exit_codes.exit_code(raised.value) == 7
     existing = store.existing()
     assert existing.completed == {} or not existing.completed
     assert len(existing.rejected) == 1

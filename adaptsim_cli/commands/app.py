@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli.commands.exit_codes import documented_errors, exit_code
 from adaptsim_cli.commands.rows import CommandGroup, CommandRow
 from adaptsim_cli.screen import loading
+from adaptsim_cli.screen.exit_codes import documented_errors, exit_code
 from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.pipes import outlast_readers
 

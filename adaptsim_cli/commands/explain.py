@@ -21,9 +21,8 @@ def explain(
 
     Example: adaptsim explain "the enabling pedal was released"
     """
-    from adaptsim_cli.commands import exit_codes
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen import messages
+    from adaptsim_cli.screen import exit_codes, messages
     from adaptsim_cli.screen.pages import addressed
 
     kinds = messages.error_kinds(exit_codes.documented_errors())

@@ -10,7 +10,8 @@ import pytest
 import typer
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli.commands import app, exit_codes
+from adaptsim_cli.commands import app
+from adaptsim_cli.screen import exit_codes
 from adaptsim_cli.session import opening
 from perception.errors import TrackingFailed
 

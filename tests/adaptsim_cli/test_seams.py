@@ -22,7 +22,7 @@ MOST_LINES = {
     "checkpoints": 22_000,
     "config": 18_000,
     "dashboard": 21_000,
-    "explain": 42_000,
+    "explain": 15_000,
     "exporting": 30_000,
     "find": 20_000,
     "lab": 24_000,

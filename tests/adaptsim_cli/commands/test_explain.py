@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from adaptsim_cli.commands import app, exit_codes
-from adaptsim_cli.screen import messages
+from adaptsim_cli.commands import app
+from adaptsim_cli.screen import exit_codes, messages
 
 
 def explained(text: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:

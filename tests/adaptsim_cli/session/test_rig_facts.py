@@ -18,7 +18,7 @@ from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent, unattended
 
 from adaptsim_cli.bench.facts import RigFacts
-from adaptsim_cli.commands import exit_codes
+from adaptsim_cli.screen import exit_codes
 from adaptsim_cli.session import beginning, recording
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.preflight import calibration_check, drift

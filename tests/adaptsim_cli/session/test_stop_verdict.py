@@ -26,11 +26,13 @@ def run(home: Path, *, yes: bool = True, until_done: bool = False) -> tuple[Sess
     return SessionStore.open(settings.places.sessions, NAME), said(screen)
 
 
-def test_unattended_it_runs_on_and_names_the_option_once(tmp_path):
+def test_unattended_it_runs_on_and_says_why_after_each_verdict_that_it_passes(tmp_path):
     store, shown = run(tmp_path)
     stops = [result.verdict.stops for result in results_of(store)]
     assert len(stops) == 3 and stops[0]
-    assert shown.count("--until-done") == 1
+    passed = sum(stops[:-1])
+    assert shown.count("The session goes on, because this command was given --iterations 3") == passed > 0
+    assert shown.count("--until-done") == passed
 
 
 def test_until_done_ends_there(tmp_path):

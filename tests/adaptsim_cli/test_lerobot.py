@@ -1,4 +1,4 @@
-"""A robot of LeRobot as one's own robot, by a stand-in; tests/extras/test_lerobot_robots.py has LeRobot's base class."""
+"""A robot of LeRobot, by a stand-in; tests/extras/test_lerobot_robots.py has LeRobot's own base class."""
 
 from __future__ import annotations
 

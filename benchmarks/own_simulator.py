@@ -32,9 +32,8 @@ from sim.rollouts.draws import cover
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.kept import KeptRollouts
 from sim.rollouts.run import Requests
-from sim.solvers.solver import Executable, SolvedPolicy
 from sim.tasks import task_of_file
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 SCIPY = "scipy"
 METHODS = ("udr", SCIPY, "direct", "random", "bo", "sysid-bayes", "adaptsim")

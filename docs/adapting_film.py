@@ -19,6 +19,7 @@ import numpy as np
 from PIL import Image
 
 from adaptsim_cli import api
+from adaptsim_cli.bench.rig import Image as Picture
 from adaptsim_cli.session.film import write
 from adaptsim_cli.session.store import SessionStore
 from hw.poses import inverse
@@ -75,7 +76,7 @@ def rolled_out(folder: Path, name: str) -> Path:
     return shown
 
 
-def pictures(folder: Path, title: str) -> list[Array]:
+def pictures(folder: Path, title: str) -> list[Picture]:
     """(SIDE_PX, SIDE_PX, 3) RGB pictures of the first trial of a rollout, with the goal and at last the reward."""
     store = SessionStore.open(folder.parent, folder.name)
     (trial, *_) = store.trials(0)
@@ -89,7 +90,7 @@ def pictures(folder: Path, title: str) -> list[Array]:
     return shown
 
 
-def picture(colour: Array, model: CameraModel, X_BC: Array, goal_m: Array) -> Array:
+def picture(colour: Picture, model: CameraModel, X_BC: Array, goal_m: Array) -> Picture:
     """The shown part of a frame, with a ring of 3 cm at the goal."""
     (x0, y0), (x1, y1) = SEEN_M
     corners = pixels(model, X_BC, np.array([(x, y, 0.0) for x in (x0, x1) for y in (y0, y1)]))
@@ -100,18 +101,19 @@ def picture(colour: Array, model: CameraModel, X_BC: Array, goal_m: Array) -> Ar
     ring = pixels(
         model, X_BC, np.column_stack([goal_m + 0.03 * np.column_stack([np.cos(turn), np.sin(turn)]), 0 * turn])
     )
-    drawn = np.array(colour)
+    drawn = np.array(colour, np.uint8)
     cv2.polylines(drawn, [np.round(ring).astype(np.int32)], True, (230, 40, 40), 2, cv2.LINE_AA)
     cut = drawn[top:bottom, left:right]
     side = min(cut.shape[:2])
-    return cv2.resize(cut[:side, :side], (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(cut[:side, :side], (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def pixels(model: CameraModel, X_BC: Array, p_m: Array) -> Array:
     """(N, 3) in the base frame -> (N, 2) in the colour image."""
     X_CB, lens = inverse(X_BC), model.colour
     rotation, _ = cv2.Rodrigues(X_CB[:3, :3])
-    return cv2.projectPoints(p_m, rotation, X_CB[:3, 3], lens.K, lens.distortion)[0].reshape(-1, 2)
+    projected, _ = cv2.projectPoints(p_m, rotation, X_CB[:3, 3], lens.K, lens.distortion)
+    return np.asarray(projected.reshape(-1, 2), np.float64)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, rng: np.random.Gener
     lab.bench.place(rig.tracker.placement(planned.drawn), 1, 0)
     before = rig.in_time(rig.rig.camera.snapshot())
     try:
-        executed = rig.execute(replace(planned, found=replace(planned.found, frame=before)))
+        executed = rig.execute(replace(planned, sighting=replace(planned.sighting, frame=before)))
     except CameraError as error:
         return str(error)
     if executed.stopped is not None:

@@ -54,7 +54,7 @@ def reward_of_success(end: np.ndarray, context: np.ndarray) -> np.ndarray:
 
 
 def still(
-    parameters: np.ndarray, context: np.ndarray, action: np.ndarray, nuisance: np.ndarray, *_: Any
+    parameters: np.ndarray, context: np.ndarray, action: np.ndarray, nuisance: np.ndarray, unmodelled: Any = None
 ) -> ObjectTrack:
     """A piece that the tool misses."""
     state = np.tile([*context, 0.0], (2, 1))

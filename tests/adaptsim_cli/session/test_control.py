@@ -23,7 +23,7 @@ from adaptsim_cli.session.records import MotionRecord, SessionFacts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, SessionLog
 from adaptsim_cli.show import page
-from adaptsim_cli.show.live import so_far, trial_shown
+from adaptsim_cli.show.live_state import so_far, trial_shown
 from perception.types import Outcome
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Layout

@@ -7,6 +7,7 @@ import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.densities import ANOTHER_STD, UNSURE, Prior
+from sim.adaptation.method import OwnPolicies
 from sim.adaptation.methods import make_method
 from sim.adaptation.posterior import likelihood_of, posterior
 from sim.adaptation.reward_table import begun_with
@@ -31,6 +32,7 @@ def session(checkpoint, parameters, budget: int = 2):
     """Its history and its final reward in the pendulum with these parameters."""
     place = SimulatedTrials(checkpoint.solver, replace(drawn_world(TASK, 41, 0), parameters=np.array(parameters)))
     method = make_method("adaptsim", TASK, checkpoint)
+    assert isinstance(method, OwnPolicies)
     *_, history = run_iterations(checkpoint.solver, method, place, Conditions(budget), 0)
     action = method.final(history).actions(np.zeros((1, 0)))[0]
     return history, float(rewards(np.array(parameters), action))
@@ -88,9 +90,11 @@ def test_a_truth_of_the_new_prior_has_the_rewards_of_the_nearest_one_of_the_chec
 @pytest.mark.long
 def test_the_first_action_of_the_next_session_is_nearly_the_best(begun):
     method = make_method("adaptsim", TASK, begun)
+    assert isinstance(method, OwnPolicies)
     first = method.policy(method.start(2, np.random.default_rng(0))[0], ()).actions(np.zeros((1, 0)))[0]
     assert rewards(np.array(HERE), first) > 0.99
     plain = make_method("adaptsim", TASK, CHECKPOINT)
+    assert isinstance(plain, OwnPolicies)
     unknown = plain.policy(plain.start(2, np.random.default_rng(0))[0], ()).actions(np.zeros((1, 0)))[0]
     assert rewards(np.array(HERE), first) > rewards(np.array(HERE), unknown)
 
@@ -113,6 +117,7 @@ def test_a_posterior_beyond_the_margin_is_a_prior_too(begun):
     third = after(CHECKPOINT, history)
     assert not TASK.margin.contains(third.reward_table.truths.mean(axis=0))
     method = make_method("adaptsim", TASK, third)
+    assert isinstance(method, OwnPolicies)
     first = method.policy(method.start(2, np.random.default_rng(0))[0], ()).actions(np.zeros((1, 0)))[0]
     assert rewards(np.array(BEYOND), first) > 0.95
     assert session(third, HERE)[1] > 0.995

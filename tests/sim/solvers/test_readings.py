@@ -51,7 +51,7 @@ def pushes(place: float = 0.35, count: int = 10) -> RecordedTrials:
     t_s = np.r_[0.0, task.observation.times_s, task.observation.times_s[-1] + 0.2]
     tracks = []
     for path in paths:
-        places = np.vstack([task.require_hardware().standing.mark_m, path, path[-1:]])  # type: ignore[union-attr]
+        places = np.vstack([task.require_hardware().standing.mark_m, path, path[-1:]])
         state = np.c_[places, np.full(len(t_s), 0.05)]
         tracks.append(ObjectTrack(t_s, state, task.require_report().outcomes[0], np.full(3, np.nan), np.ones(len(t_s))))
     return RecordedTrials(task, tuple(map(str, range(count))), None, actions, tuple(tracks))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
 from sim.lab.world import load_world
@@ -14,7 +17,7 @@ TABLE_A1 = {  # I, step size, discount, threshold
 }
 REUSE = {"pushing": (0.16, 10_000, 30_000, 0.9), "scooping": (0.16, 1_200, 4_000, 0.9)}  # D, M, M_max, alpha
 
-TABLE_A2 = {  # parameter: the range, then WD and OOD-1 to OOD-4
+TABLE_A2: Mapping[str, Mapping[str, tuple[Any, ...]]] = {  # parameter: the range, then WD and OOD-1 to OOD-4
     "pendulum": {
         "m1": ((1, 2), 1.8, 1.8, 0.5, 1.2, 0.4),
         "m2": ((1, 2), 1.2, 0.3, 1.8, 1.8, 2.6),

@@ -6,7 +6,7 @@ from toy_learning import reward_table, trained
 from toy_task import TOY
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import ParticleTrials, Trial
+from sim.adaptation.method import OwnPolicies, ParticleTrials, Trial
 from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.simulators import PartStrengths, Simulators
 from sim.errors import CheckpointError, UnknownName
@@ -66,6 +66,7 @@ def test_simopt_moves_its_gaussian_towards_the_truth_and_no_farther_than_its_bou
 
 def test_best_of_first_keeps_the_rule_that_earned_most():
     method = BASELINES["best-of-first"](PENDULUM, load_checkpoint(PENDULUM))
+    assert isinstance(method, OwnPolicies)
     first, second = method.start(2, np.random.default_rng(0))
     assert not np.array_equal(first.samples, second.samples)
 
@@ -84,6 +85,7 @@ def test_fixed_rules_need_no_trial_and_the_best_mean_over_the_ranges_beats_the_g
     checkpoint = load_checkpoint(PENDULUM)
     first, second = (FIXED_RULES[name](checkpoint, 0)[0] for name in ("first-action", "second-action"))
     method = make_entry("adaptsim", PENDULUM, checkpoint)
+    assert isinstance(method, OwnPolicies)
     started = [method.policy(p, ()) for p in method.start(2, np.random.default_rng(0))]
     nowhere = np.zeros((1, 0))
     assert [p.actions(nowhere).tolist() for p in (first, second)] == [p.actions(nowhere).tolist() for p in started]

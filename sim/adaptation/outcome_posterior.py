@@ -30,7 +30,6 @@ from sim.adaptation.discrepancy import (
     DiscrepancyScale,
 )
 from sim.adaptation.method import Trial
-from sim.adaptation.refining import RESOLVED, refined
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
@@ -43,9 +42,6 @@ worlds (docs/decisions/0011).
 
 KEPT = 48
 """Number of draws of a simulator and its discrepancies."""
-
-DRAWN, GENERATIONS = 256, 3
-"""Number of points of a generation, and the most generations, that refine the candidate simulators."""
 
 ACTIONS, REFINED = 256, 16
 """Number of actions that fill their ranges, and number of those around the best one."""
@@ -77,21 +73,11 @@ class OutcomePosterior:
 
     @cached_property
     def posterior(self) -> tuple[Array, Array]:
-        """(N, p) parameters in units, and their probabilities (N,): points refined where the weight is."""
-        first, simulators = self._candidates, self.simulators
+        """(N, p) parameters in units, and their probabilities (N,): the cloud, or points around an exact fit."""
+        first = self._candidates
         if first.predicted is None:
             return first.parameters, self.weights
-        log = self._log_posterior(first.predicted)
-        weights = _weights(first.log_prior + log)
-        if simulators.is_grid or first.is_fitted or 1.0 / (weights**2).sum() >= RESOLVED:
-            return first.parameters, weights
-        space = simulators.task.margin
-
-        def log_posterior(points: Array) -> Array:
-            return self._log_posterior(simulators.predict(self.trials, space.spread(points)))
-
-        fit = refined(log_posterior, simulators.cloud, log, simulators.prior, DRAWN, GENERATIONS)
-        return space.spread(np.clip(fit.points, 0.0, 1.0)), fit.weights
+        return first.parameters, _weights(first.log_prior + self._log_posterior(first.predicted))
 
     def _log_posterior(self, predicted: Predicted) -> Array:
         """(K,) log-likelihoods of simulators by trajectories, success and end states."""

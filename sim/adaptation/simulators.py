@@ -56,7 +56,6 @@ class Candidates:
     log_prior: Array  # (K,) of the prior over the density that proposed them
     predicted: Predicted | None  # None: no trial yet
     left: float = 1.0  # misfit left by the best simulator, as a share of the tolerated one; 1 unless it is exact
-    is_fitted: bool = False  # points around the fit of an exact simulator, which needs no refinement
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,7 @@ class Simulators:
             return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None)
         fit = exact_fit(self.solver, trials, self.truths, self.prior)
         predicted = self.predict(trials, fit.parameters, fit.left)
-        return Candidates(fit.parameters, fit.log_prior, predicted, fit.left, is_fitted=True)
+        return Candidates(fit.parameters, fit.log_prior, predicted, fit.left)
 
     def on_grid(self, trials: Sequence[Trial]) -> Predicted:
         """Predictions of all `truths` for trials; cached per trial."""

@@ -10,7 +10,6 @@ from toy_learning import TARGET, reward_table, trained, tried
 from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
-from sim.adaptation import outcome_posterior
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, DiscrepancyScale
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
@@ -83,15 +82,6 @@ def test_the_evidence_is_that_of_a_student_t_process():
     wider = Discrepancy(known.scale.times(2.0), known.at, known.noise)
     other = multivariate_t(shape=wider.scale.kernel(known.at, known.at) + np.diag(known.noise), df=FREEDOM)
     assert wider.evidence(residuals) - found == pytest.approx(other.logpdf(residuals.T) - expected)
-
-
-@pytest.mark.parametrize(("least", "is_refined"), [(1e9, True), (0.0, False)])
-def test_simulators_are_added_where_too_few_of_them_carry_the_weight(least, is_refined, monkeypatch):
-    monkeypatch.setattr(outcome_posterior, "RESOLVED", least)
-    points, weights = OutcomePosterior(simulators(), trials(4)).posterior
-    assert (len(points) > len(simulators().truths)) is is_refined
-    assert weights.sum() == pytest.approx(1.0)
-    assert TOY.margin.low.min() <= points.min()
 
 
 @pytest.mark.long

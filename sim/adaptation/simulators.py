@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.densities import Prior, unit_points
+from sim.adaptation.densities import Prior
 from sim.adaptation.exact_fit import exact_fit, is_exact
 from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
@@ -132,11 +132,6 @@ class Simulators:
         policies = task.exact(task).policies(parameters[:, None], np.random.default_rng(0))
         best = np.concatenate([policy.actions(task.simulated_in(context)[None]) for policy in policies])
         return np.asarray(np.clip(best, task.action.low, task.action.high))
-
-    @cached_property
-    def cloud(self) -> Array:
-        """(T, p) `truths` in fractions of the margin."""
-        return unit_points(self.task.margin, self.truths)
 
     @property
     def prior(self) -> Prior:

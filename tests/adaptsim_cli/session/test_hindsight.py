@@ -62,7 +62,7 @@ def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root):
 
 def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(root):
     html = Reports().draw(SessionStore.open(root, ADAPTED)).read_text()
-    for row in ("First policy", "Adapted policy", "UDR"):
+    for row in ("First policies", "Best policy", "UDR"):
         assert f">{row}</text>" in html
     assert f"session {UDR}" in html, "the session of UDR in the same world is measured against"
     assert 'class="likely"' in html

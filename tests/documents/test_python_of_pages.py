@@ -57,6 +57,7 @@ def test_a_notebook_runs_as_it_ships_and_shows_what_it_is_stored_with(stored, tm
 @pytest.mark.long
 def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)  # plots are saved here
     names: dict[str, object] = {}
     for _, language, code in FENCE.findall((ROOT / "docs/reference/python.md").read_text(encoding="utf-8")):
         if language == "python":

@@ -165,7 +165,7 @@ def test_the_page_is_followed_as_it_is_written(place, capfd, monkeypatch) -> Non
     told = capfd.readouterr().out
     assert "YOUR ROBOT" in told
     assert "adaptsim run-iteration --session pushing-own" in told
-    (notebook,) = [code for _, language, code in blocks if language == "python" and "api.begin" in code]
+    (notebook,) = [code for _, language, code in blocks if language == "python" and "session.ask()" in code]
     exec(notebook, {})
     assert len(api.open_session("notebook").trials) == 4
     assert all(set(trial.observation) == {None} for trial in api.open_session("notebook").trials)

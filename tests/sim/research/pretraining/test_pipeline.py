@@ -16,6 +16,7 @@ from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
+from sim.research.pretraining import pipeline
 from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, OptionalStages, PretrainBudget
 from sim.research.pretraining.dataset_share import STAGES
 from sim.research.pretraining.episodes import (
@@ -36,7 +37,7 @@ from sim.research.pretraining.meta_training import (
     sample_targets,
     train_adaptation,
 )
-from sim.research.pretraining.pipeline import pretrain
+from sim.research.pretraining.pipeline import WORTH, pretrain
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 from sim.tasks.task import SolverSettings
@@ -190,7 +191,9 @@ def test_the_evaluation_orders_oracle_and_udr():
 def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     path, seen = run(tmp_path)
     checkpoint = load_checkpoint(TOY, str(path))
-    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == list(STAGES)
+    cost, *stages = dict.fromkeys(stage for stage, _, _ in seen)
+    assert cost.startswith("a rollout takes")
+    assert stages == [*STAGES[:3], WORTH, *STAGES[3:]]
     assert all(0 <= done <= total for _, done, total in seen)
     assert checkpoint.card.emulator is not None and checkpoint.card.emulator.held_out > 0
     assert checkpoint.card.evaluation is not None and checkpoint.card.evaluation.targets == 2
@@ -205,7 +208,8 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
 def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     path, seen = run(tmp_path, wanted=OptionalStages(policies=False, evaluation=False))
     first = load_checkpoint(TOY, str(path))
-    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "reward table", "checkpoint"]
+    _, *stages = dict.fromkeys(stage for stage, _, _ in seen)
+    assert stages == ["dataset", "emulator", "reward table", WORTH, "checkpoint"]
     assert first.card.simulations == TINY.rollouts + TINY.denser
     assert not networks_of(first) and first.card.evaluation is None
     assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2
@@ -230,7 +234,8 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
 
 
 @pytest.mark.long
-def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):
+def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "require_sound", lambda task, rng: None)  # its rollouts are as many as time allows
     before, after, again = Counted(most=340), Counted(), Counted()
     with pytest.raises(RolloutError, match="power cut"):
         run(tmp_path / "killed", before.task)
@@ -238,11 +243,11 @@ def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts
     whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
     assert resumed.sha256 == whole.sha256
     assert resumed.card.evaluation == whole.card.evaluation
-    probes, judged = 4, TINY.evaluation  # two times two probes; the largest request judges all policies of a target
+    probes, judged = 10, TINY.evaluation  # twice three for the cost and two more; a request judges all
     interrupted = judged.rollouts * (UDR_POLICIES + 1 + COMPARED * judged.iterations)
     assert before.count + after.count <= whole.card.simulations + probes + interrupted
     run(tmp_path / "killed", again.task)
-    assert again.count == 2 + 9  # two probes; eight rollouts that try the task, one of them twice
+    assert again.count <= probes / 2
 
 
 @pytest.mark.long

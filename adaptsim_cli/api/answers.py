@@ -1,4 +1,4 @@
-"""Trials that a robot of one's own is asked for, and what it tells of them."""
+"""Trials that your own robot is asked for, and its answers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def keep_answer(store: SessionStore, trial: Question, answer: Mapping[str, Any])
 
 
 def go_on(store: SessionStore) -> None:
-    """Take what was told, and go on until the next answers are awaited or an iteration is complete."""
+    """Take the answer, and go on until the next answers are awaited or an iteration is complete."""
     from functools import partial
 
     from adaptsim_cli.session import opening, running

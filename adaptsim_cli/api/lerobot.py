@@ -134,6 +134,6 @@ def _registered(robots: Any, kind: str) -> Mapping[str, Any]:
 
         register_third_party_plugins()
         for package in pkgutil.iter_modules(robots.__path__, f"{robots.__name__}."):
-            with suppress(ImportError):  # a robot whose own packages are not installed
+            with suppress(ImportError):  # the packages of this robot are not installed
                 import_module(package.name)
     return robots.RobotConfig.get_known_choices()  # type: ignore[no-any-return]

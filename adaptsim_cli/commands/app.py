@@ -1,6 +1,6 @@
 """The `adaptsim` program: the commands, and the one place that turns errors into exit codes.
 
-A command's module is imported when it is called, and imports what it needs when it runs.
+A command's module is imported when the command is called, and its own imports happen when it runs.
 """
 
 from __future__ import annotations

@@ -241,25 +241,11 @@ class FromOutcomes(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class ListedActionSolver(FromOutcomes):
-    """A `Solver` with the actions (A, a), in units, that were recorded or that a search tries.
-
-    Predictions are those of the solver behind it.
-    """
+class PredictionsBehind(FromOutcomes):
+    """A solver with a task of its own, whose predictions are those of another one behind it."""
 
     task: Task
     behind: Expectations
-    listed: Array
-
-    def policies(
-        self,
-        samples: Array,
-        rng: np.random.Generator,
-        executable: Executable | None = None,
-        settings: SolverSettings | None = None,
-    ) -> tuple[SolvedPolicy, ...]:
-        """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
-        return search(self.behind, samples, rng, executable, settings, self.listed)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """See `sim.tasks.task.Expectations`."""
@@ -280,6 +266,23 @@ class ListedActionSolver(FromOutcomes):
     def misfit_limit(self) -> float:
         """See `sim.tasks.task.Expectations`."""
         return self.behind.misfit_limit
+
+
+@dataclass(frozen=True, eq=False)
+class ListedActionSolver(PredictionsBehind):
+    """A `Solver` with the actions (A, a), in units, that were recorded or that a search tries."""
+
+    listed: Array
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[SolvedPolicy, ...]:
+        """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
+        return search(self.behind, samples, rng, executable, settings, self.listed)
 
 
 def with_listed_actions(solver: Solver, listed: Array) -> ListedActionSolver:

@@ -240,7 +240,7 @@ def conclude(solved: SolvedFolder, store: CalibrationStore, views: Path, screen:
     show_arm(solved, views / pictures.ARM_PICTURE, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
-        advice = "Nothing replaces what is in use. --fresh starts a new series of views"
+        advice = "The calibration in use stays. --fresh starts a new series of views"
         if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
             advice += "; without it, the same views are used again and you touch the corner again"

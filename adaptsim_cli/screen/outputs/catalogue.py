@@ -78,7 +78,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
 
 
 SCHEMAS: Mapping[str, type[Record]] = {**OUTPUTS, **EXCHANGES}
-"""The outputs, and the records that a robot of one's own is asked and answers with."""
+"""The outputs, and the records of questions to your own robot and of its answers."""
 
 
 def output(command: str, value: Mapping[str, Any] | BaseModel) -> dict[str, Any]:

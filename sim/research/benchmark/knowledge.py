@@ -14,7 +14,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
-from sim.solvers.candidates import FromOutcomes
+from sim.solvers.candidates import PredictionsBehind
 from sim.solvers.emulator.network import Emulator
 from sim.tasks import get_task
 from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
@@ -30,10 +30,9 @@ TRUTHS = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class RangedSolver(FromOutcomes):
-    """A `Solver` whose task has other ranges; predictions and policies are those of the solver behind it."""
+class RangedSolver(PredictionsBehind):
+    """A `Solver` whose task has other ranges; its policies are those of the solver behind it, too."""
 
-    task: Task
     behind: Solver
 
     def policies(
@@ -45,26 +44,6 @@ class RangedSolver(FromOutcomes):
     ) -> tuple[SolvedPolicy, ...]:
         """See `sim.tasks.task.Policies`."""
         return self.behind.policies(samples, rng, executable, settings)
-
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
-        """See `sim.tasks.task.Expectations`."""
-        return self.behind.trajectories(parameters, action, nuisance, context)
-
-    def outcomes(
-        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
-        """See `sim.tasks.task.Expectations`."""
-        return self.behind.outcomes(parameters, action, nuisance, context)
-
-    @property
-    def residual_std(self) -> Array:
-        """See `sim.tasks.task.Expectations`."""
-        return self.behind.residual_std
-
-    @property
-    def misfit_limit(self) -> float:
-        """See `sim.tasks.task.Expectations`."""
-        return self.behind.misfit_limit
 
 
 def with_ranges(checkpoint: Checkpoint, ranges: Ranges, *, tabulated: bool = True) -> Checkpoint:

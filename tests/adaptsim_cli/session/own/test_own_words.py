@@ -1,4 +1,4 @@
-"""Categories in words, and the end of a trial in the task's own words, where a robot of one's own is asked."""
+"""A robot is asked in the task's own words: its categories, and the ends of a trial."""
 
 from __future__ import annotations
 

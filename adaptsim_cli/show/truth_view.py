@@ -19,6 +19,9 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 CHART = 16
 """Characters of the chart of a parameter."""
 
+FINEST = 200
+"""Steps of a parameter's scale: an exact belief that ends within one of them from the truth holds it."""
+
 
 def in_plain_units(one: RevealedParameter, value: float) -> str:
     """A value as people say it: `cylinder`, `20 kPa`, `−0.9 mm`."""
@@ -121,7 +124,10 @@ def misses_in_words(shown: Revealed) -> str:
 
 def _holds(one: RevealedParameter) -> bool:
     assert one.believed is not None, "only parameters with an interval are asked about"
-    return one.believed[0] <= one.truth <= one.believed[2]
+    if one.scale == "integer":
+        return one.believed[0] <= one.truth <= one.believed[2]
+    *_, truth, low, _, high = positions(one, [one.low, one.high, one.truth, *one.believed], FINEST)
+    return low - 1 <= truth <= high + 1
 
 
 def listed(names: Sequence[str]) -> str:

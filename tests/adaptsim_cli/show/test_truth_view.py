@@ -67,6 +67,12 @@ def test_a_belief_that_holds_the_truth_needs_no_reason():
     assert truth_view.misses_in_words(shown(0.4, parameters=[PATCH])) == "", "without an interval nothing is claimed"
 
 
+@pytest.mark.parametrize(("ends", "holds"), [((0.3000008, 0.30001, 0.30003), True), ((0.32, 0.33, 0.34), False)])
+def test_an_exact_belief_holds_a_truth_that_it_meets_up_to_rounding(ends, holds):
+    exact = PATCH.model_copy(update={"low": 1.0, "high": 2.0, "truth": 0.3, "believed": ends})
+    assert (truth_view.misses_in_words(shown(0.4, parameters=[exact])) == "") is holds
+
+
 def test_a_belief_that_misses_the_truth_says_why():
     within = SHAPE.model_copy(update={"truth": 0.0})
     beyond = STIFF.model_copy(update={"believed": (2e4, 1e5, 4e5)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 import types
 from typing import Any
@@ -12,6 +13,7 @@ import notebooks
 import pytest
 from documents import FENCE, ROOT, install
 
+from adaptsim_cli.commands import app
 from hw import plugins
 from sim.adaptation import methods
 from sim.tasks import get_task
@@ -95,3 +97,17 @@ def test_the_method_of_the_tutorial_runs_is_compared_and_is_found_in_a_package(t
     finally:
         plugins.offers.cache_clear()
         sys.modules.pop("narrowing", None)
+
+
+@pytest.mark.long
+def test_the_readme_shows_what_its_last_command_and_its_python_print(tmp_path, monkeypatch, capfd):
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.setenv("COLUMNS", "80")
+    blocks = {language: code for _, language, code in FENCE.findall((ROOT / "README.md").read_text(encoding="utf-8"))}
+    *_, last = blocks["sh"].splitlines()
+    command = shlex.split(last, comments=True)
+    assert app.run(command[1:]) == 0
+    assert " ".join(blocks["text"].split()) in " ".join(capfd.readouterr().out.split())
+    exec(blocks["python"], {})
+    rewards = [float(line) for line in capfd.readouterr().out.split()]
+    assert rewards == pytest.approx([1.0, 0.3], abs=0.005)

@@ -50,11 +50,11 @@ system:
 	  echo "System packages are missing. Run this line, then make again:" >&2; echo "  sudo apt-get install -y$$missing" >&2; exit 1; \
 	fi
 
-# One particle for UDR: its policy is the same in every particle.
+# One particle for UDR: its policy is the same in every particle. The session ends when its verdict says so.
 demo: $(RUNS)
 	name=demo-$$(date +%Y%m%d-%H%M%S); lab="--task scooping --world cucumber --seed 0 --yes"; \
 	ADAPTSIM_PARTICLES=1 $(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \
-	$(BIN)/adaptsim run-iteration $$lab --iterations 2 --session $$name && \
+	$(BIN)/adaptsim run-iteration $$lab --iterations 5 --until-done --session $$name && \
 	$(BIN)/adaptsim compare $$name-udr $$name
 
 test: $(STAMP)

@@ -22,6 +22,9 @@ ENOUGH = 2
 """Iterations after which a session is done: the second is the first that tries a policy chosen by trials, and no rule
 has shown skill beyond this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
 
+REFUTED = 0.5
+"""The latest iteration refutes its leading policy if that earned less than this share of the predicted reward."""
+
 HOPELESS = 0.4
 """A session is hopeless below this upper end of the interval."""
 
@@ -113,13 +116,13 @@ class SessionForecast:
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
     failures: int  # trials without reward since the last one with some
-    untried: bool  # no trial has tried a policy like the one that the session would end with
+    untried: bool  # no trial has confirmed a policy like the one that the session would end with
     correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
     correction_std: Array  # (a,) standard deviation over contexts
 
     @property
     def done(self) -> bool:
-        """Whether another iteration is not worth its trials. A policy that nobody has tried is never enough."""
+        """Whether another iteration is not worth its trials. A policy that no trial has confirmed is never enough."""
         return self.hopeless or not self.untried
 
     @property

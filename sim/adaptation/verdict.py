@@ -15,8 +15,8 @@ LEAST_TRIALS = 6
 class Kind(StrEnum):
     """The advice. The first four come from a forecast, the others from how the parameters move."""
 
-    GO_ON = "go_on"  # the next iteration is the first that tries a policy chosen by trials
-    ENOUGH = "enough"  # two iterations are done
+    GO_ON = "go_on"  # no trial has confirmed the policy, and the next iteration tries it
+    ENOUGH = "enough"  # two iterations are done, and the last one confirmed its policy
     HOPELESS = "hopeless"  # no action in the ranges is expected to work
     UNINFORMED = "uninformed"  # the predictions made before the trials say nothing about them
     TOO_FEW = "too_few"  # too few trials to judge
@@ -36,7 +36,7 @@ class Reason(StrEnum):
 
     INEXPRESSIBLE = "inexpressible"  # no parameters in the ranges predict most trajectories
     FAILURES = "failures"  # many trials in a row earned nothing
-    UNTRIED = "untried"  # no trial has tried a policy like this one
+    UNTRIED = "untried"  # no trial has confirmed a policy like this one
 
 
 class Verdict(Record):

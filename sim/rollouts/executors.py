@@ -49,13 +49,15 @@ class _FreshProcess(SpawnProcess):
 
     def start(self) -> None:
         """See `Process`."""
+        # A worker unpickles this object before anything else, and may take a user's `sim` for ours.
+        self.__class__ = SpawnProcess  # type: ignore[assignment]
         main = sys.modules["__main__"]
         if _is_guarded(getattr(main, "__file__", None)):
-            super().start()
+            SpawnProcess.start(self)
             return
         sys.modules["__main__"] = ModuleType("__main__")
         try:
-            super().start()
+            SpawnProcess.start(self)
         finally:
             sys.modules["__main__"] = main
 

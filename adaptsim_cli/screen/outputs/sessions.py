@@ -156,6 +156,7 @@ class Quantity(Record):
     scale: str = described("how it is normalised: linear, log or integer")
     plain_name: str = described("its plain name")
     meaning: str = described("what it is, in one line")
+    words: list[str] = Field(default=[], description="the words of a category, from 0 on; empty for a number")
 
 
 class Policy(Output):

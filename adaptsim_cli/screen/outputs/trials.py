@@ -80,7 +80,7 @@ class ForecastRecord(Record):
 
     gain: float | None = optional("expected gain by another iteration, in records of earlier versions; else null")
     likely: float | None = optional("chance that more than 0.05 is left to gain; the same")
-    done: bool = described("two iterations are done, or nothing is expected to work")
+    done: bool = described("two iterations are done and the last one confirmed its policy, or nothing may work")
     hopeless: bool = described("nothing in the ranges of the action is expected to work")
     correction: tuple[float, ...] = described(
         "the correction that the trials add to the simulator's action, in the order of the action"

@@ -17,7 +17,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
-from sim.adaptation.method import ENOUGH, Best, Iteration, Particle, SessionForecast
+from sim.adaptation.method import ENOUGH, REFUTED, Best, Iteration, Particle, ParticleTrials, SessionForecast
 from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.reward_table import OPTIMISM
 from sim.adaptation.session_forecast import CAUTION, session_forecast
@@ -72,7 +72,8 @@ class AdaptSim:
         posterior, leading = self.outcome_posterior(history), self._particles(history, 1)[0]
         if not posterior.trials:
             raise ValueError("no trial has been run yet, so there is no best")
-        forecast = forecast_after(posterior, policy_for(self.simulators.solver, leading.samples), len(history))
+        for_e = policy_for(self.simulators.solver, leading.samples)
+        forecast = forecast_after(posterior, for_e, len(history), refuted=is_refuted(history[-1][0]))
         return Best(leading, forecast.reward, forecast.ci95, len(posterior.trials)), forecast
 
     def outcome_posterior(self, history: Sequence[Iteration]) -> OutcomePosterior:
@@ -92,9 +93,19 @@ class AdaptSim:
         return reward_table.spread_out(self.simulators.task, mean, std, n)
 
 
-def forecast_after(posterior: OutcomePosterior, for_e: SolvedPolicy, iterations: int) -> SessionForecast:
-    """The forecast after `iterations`; see `session_forecast`."""
-    return session_forecast(posterior, for_e, untried=iterations < ENOUGH)
+def forecast_after(
+    posterior: OutcomePosterior, for_e: SolvedPolicy, iterations: int, *, refuted: bool = False
+) -> SessionForecast:
+    """The forecast after `iterations`, the last of which may have `refuted` its policy; see `session_forecast`."""
+    return session_forecast(posterior, for_e, untried=iterations < ENOUGH or refuted)
+
+
+def is_refuted(leading: ParticleTrials) -> bool:
+    """Whether the first particle earned much less than predicted, so that the session would end with another policy."""
+    predicted, earned = (
+        np.mean([getattr(trial, name) for trial in leading.trials]) for name in ("predicted", "reward")
+    )
+    return bool(earned < REFUTED * predicted)  # never where the prediction is unknown (nan)
 
 
 def _optimism(posterior: OutcomePosterior, iterations: int, particles: int) -> Array:

@@ -16,7 +16,7 @@ from lab_session import digest_of
 from toy_rig import ToyLab
 from toy_session import RUN, call
 
-from adaptsim_cli.session import correcting, records, watching
+from adaptsim_cli.session import correcting, records
 
 Mount = Callable[[str], Path]
 
@@ -103,7 +103,7 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
         if trial == 2:
             raise KeyboardInterrupt
 
-    for module in (records, correcting, watching):
+    for module in (records, correcting):
         monkeypatch.setattr(module, "datetime", Backwards)
     assert call(home, RUN, ToyLab(7, hooks={"stop_recording": interrupt}))[0] == 130
     assert call(home, RUN)[0] == 0

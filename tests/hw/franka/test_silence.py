@@ -1,4 +1,7 @@
-"""Silence of pedal and program at their real 60 ms, and a computer that sleeps, in the real player (`silence`)."""
+"""Silence of pedal and program at their real 60 ms, and a computer that sleeps, in the real player (`silence`).
+
+They are measured in real time, so they are slow tests: beside other tests a computer is late by itself.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ def found(name: str, noise: Noise) -> Happened:
     return one
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(("name", "why"), [("pedal", "pedal"), ("program", "silence")])
 def test_a_silence_of_60_ms_brakes_the_arm(noise: Noise, name: str, why: str) -> None:
@@ -42,7 +45,7 @@ def test_a_silence_of_60_ms_brakes_the_arm(noise: Noise, name: str, why: str) ->
     assert one.still_after_s <= SILENCE_S + STOP_S + LAG_S
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_computer_that_slept_brakes_at_once_and_needs_a_new_press(noise: Noise) -> None:
     """The arm waited, and the pedal was held all the time."""

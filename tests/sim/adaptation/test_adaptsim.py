@@ -12,9 +12,9 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, DiscrepancyScale
-from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
+from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.adaptsim import AdaptSim, forecast_after
+from sim.adaptation.methods.adaptsim import AdaptSim, forecast_after, is_refuted
 from sim.adaptation.outcome_posterior import KEPT, OutcomePosterior, PosteriorPolicy
 from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
@@ -144,11 +144,22 @@ def test_a_session_is_done_after_two_iterations_and_not_before():
     assert not found[1].done, "one iteration never tries the policy that it ends with"
     assert found[2].done
     assert found[4].done
+    assert not forecast_after(posterior_after(8), for_e, 2, refuted=True).done
     for one in found.values():
         assert not one.hopeless
         assert one.ci95[0] <= one.reward <= one.ci95[1]
     width = {n: one.ci95[1] - one.ci95[0] for n, one in found.items()}
     assert width[4] < width[0], "trials narrow the expected reward"
+
+
+@pytest.mark.parametrize(
+    ("rewards", "predicted", "goes_on"),
+    [((0.0, 0.0), 0.7, True), ((0.0, 0.8), 0.7, False), ((0.0, 0.0), np.nan, False)],
+)
+def test_an_iteration_that_refutes_its_policy_is_not_the_last(rewards, predicted, goes_on):
+    tried = [dataclasses.replace(t, reward=r, predicted=predicted) for t, r in zip(trials(2), rewards, strict=True)]
+    leading = ParticleTrials(Particle(TARGET[None]), tuple(tried))
+    assert is_refuted(leading) is goes_on
 
 
 @pytest.mark.long

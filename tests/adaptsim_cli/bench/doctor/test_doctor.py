@@ -238,9 +238,9 @@ def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
     assert "no such address" in readings.round_trips("not an address", tries=5)[2]
 
 
-def test_the_disk_is_measured_and_left_as_it_was(tmp_path: Path) -> None:
-    assert min(readings.write_speed(tmp_path)) > 0.0
-    assert list(tmp_path.iterdir()) == []
+def test_the_disk_is_measured_and_left_as_it_was(place: Path) -> None:
+    assert min(readings.write_speed(place)) > 0.0
+    assert list(place.iterdir()) == []
     with pytest.raises(OSError, match="No such"):
         readings.write_speed(tmp_path / "none")
     assert readings.existing(tmp_path / "a" / "b") == tmp_path
@@ -312,11 +312,9 @@ def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -
 
 
 @pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+def place(place: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return place
 
 
 def test_the_simulated_lab_needs_no_device(place: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -242,8 +242,8 @@ def test_the_disk_is_measured_and_left_as_it_was(place: Path) -> None:
     assert min(readings.write_speed(place)) > 0.0
     assert list(place.iterdir()) == []
     with pytest.raises(OSError, match="No such"):
-        readings.write_speed(tmp_path / "none")
-    assert readings.existing(tmp_path / "a" / "b") == tmp_path
+        readings.write_speed(place / "none")
+    assert readings.existing(place / "a" / "b") == place
 
 
 def test_ports_and_governors_are_read_from_the_file_system(tmp_path: Path) -> None:

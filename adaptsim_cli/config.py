@@ -190,8 +190,9 @@ class Places:
 
     @property
     def home_is_own(self) -> bool:
-        """Whether the user's settings are the user's own: ADAPTSIM_HOME inside the current folder may have come with
-        it."""
+        """Whether the settings were made by the user: an ADAPTSIM_HOME inside the current folder may have come with
+        that folder.
+        """
         return self.trust_file.parent == self.user_file.parent
 
     @property

@@ -1,11 +1,11 @@
-"""Whole calibrations on the rendered lab against its truth, and what they do for finding the object.
+"""Whole calibrations in the rendered lab compared with its truth, and how much better the object is then found.
 
     python benchmarks/calibration_rendered.py --seeds 30 --case noise
     python benchmarks/calibration_rendered.py --seeds 30 --case arm
 
 `noise`: image noise alone. `arm`: encoder noise 0.1 mrad, joint offsets 0.5 mrad, and 15 % of the views with joints of
-another moment. Both start from a nominal pose that is off by 3 mm and 0.3°. One line a seed, then the bars of the
-project: worst and 95th percentile of the error, coverage of the stated one, outliers dropped and good views lost,
+another moment. Both start from a nominal pose that is off by 3 mm and 0.3°. Prints one line per seed, then these
+statistics: worst and 95th percentile of the error, coverage of the stated one, outliers dropped and good views lost,
 and the distance between where the object is found and where it lies, before and after calibrating.
 """
 

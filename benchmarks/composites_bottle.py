@@ -60,7 +60,7 @@ LEVELS: dict[str, tuple[float, ...]] = {
 
 
 class Room:
-    """The planned workcell's view, and what a real camera adds to it."""
+    """The view of the planned workcell, with the faults of a real camera."""
 
     def __init__(self) -> None:
         self.model: CameraModel = kinect_model()
@@ -159,7 +159,7 @@ def spoilt(name: str, level: float) -> Effects:
 
 
 def cut(recording: Path) -> None:
-    """Store what is needed of the recording. Needs PyAV (`pip install av`)."""
+    """Store the needed part of the recording. Needs PyAV (`pip install av`)."""
     from kinect_recording import KinectRecording  # noqa: PLC0415 - an extra
 
     with KinectRecording(recording) as opened:

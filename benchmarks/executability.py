@@ -44,7 +44,9 @@ STOPS_EVERY_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One point of the grid. `ratio` is infinite where there is no path; `note` says why, or what is tightest."""
+    """One point of the grid. `ratio` is infinite where there is no path; `note` gives the reason, or the limit that is
+    used most.
+    """
 
     context: Array
     action: Array

@@ -1,4 +1,4 @@
-"""The cylinder that stands on a table in a real recording of an Azure Kinect, and a picture of what was found.
+"""The cylinder that stands on a table in a real recording of an Azure Kinect, and a picture of the result.
 
     python benchmarks/mug.py recording.mkv [--png mug.png]
 
@@ -112,7 +112,7 @@ class Survey:
 def survey(
     frame: Frame, model: CameraModel, up: Array, rng: np.random.Generator, most_m: float = 1.0, table_m: float = 0.006
 ) -> Survey:
-    """The table below what the depth camera sees within `most_m`, and the largest cylinder that stands on it.
+    """The table in the depth image within `most_m`, and the largest cylinder that stands on it.
 
     `up` (3,) is roughly the vertical in the depth camera. Raises TableNotFound, ObjectNotFound.
     """

@@ -2,9 +2,9 @@
 
     python benchmarks/no_difference.py --sessions 40
 
-In each session UDR is compared with UDR, `run-iteration --method udr --control udr`: pushing in MuJoCo, the parameters
-of worlds that a rule drew (seed 3), noise from trial to trial. Every claim that the screen made after an iteration is
-counted; it may be read after each. Sessions are kept in `--out`; the same command goes on.
+Each session compares UDR with UDR (`run-iteration --method udr --control udr`), in pushing in MuJoCo. The parameters
+are those of drawn worlds (seed 3), and noise differs from trial to trial. Every claim that the screen made after an
+iteration is counted; it may be read after each. Sessions are kept in `--out`; the same command goes on.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@
     PYTHONPATH=tests/support python benchmarks/outline.py --fit --starts 256 --steps 1200    # on a GPU: two minutes
     PYTHONPATH=tests/support python benchmarks/outline.py --adjust    # two minutes
 
-Judged is how far the farthest point of the meshes lies outside of the outline (never above 0), and the excess: how far
-the outline's own surface lies outside of the meshes, at the worst point and in the mean. What lies inside of a
-neighbouring link at every angle of the joint between them is no excess. A link's meshes are those of all arms; the
-outline holds them solid, not only their surface.
+It measures how far the farthest point of the meshes lies outside of the outline (never above 0), and the excess. The
+excess is the distance of the outline's own surface from the meshes, at the worst point and in the mean. What lies
+inside of a neighbouring link at every angle of the joint between them is no excess. A link's meshes are those of all
+arms; the outline holds them solid, not only their surface.
 
 The adjustment of another arm's meshes keeps the outline that was fitted and moves it as little as these need, by a
 random search with a fixed seed: a wider capsule costs more than a moved one. The rows of links 1 to 4 are those that it

@@ -76,7 +76,7 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
 
 
 def draw(curves: dict[str, list[dict[str, Any]]]) -> None:
-    """Expected reward over the training, a line a seed, beside what staying and drifting earn."""
+    """Expected reward over the training, one line per seed, beside the rewards of staying and drifting."""
     figure, axes = plt.subplots(1, len(curves), figsize=(4.2 * len(curves), 3.0), squeeze=False)
     for axis, (name, found) in zip(axes[0], curves.items(), strict=True):
         for seed, one in enumerate(found):

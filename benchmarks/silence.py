@@ -112,13 +112,13 @@ Fault = Callable[[Moving], float]
 
 
 def silent_pedal(moving: Moving) -> float:
-    """The box says nothing any more."""
+    """The box falls silent."""
     moving.box.silent = True
     return moving.box.last_s
 
 
 def hanging_program(moving: Moving) -> float:
-    """The program says nothing any more; its player goes on."""
+    """The program falls silent; its player continues."""
     moving.signal(signal.SIGSTOP, player=False)
     stopped_s = time.monotonic()
     time.sleep(1.0)

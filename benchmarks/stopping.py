@@ -43,7 +43,7 @@ POOR, LITTLE = 0.3, 0.2
 
 @dataclass(frozen=True)
 class Session:
-    """What was said after each iteration, and what was then earned."""
+    """The verdict after each iteration, and the reward of the next one."""
 
     target: str
     said: tuple[SessionForecast, ...]

@@ -151,7 +151,7 @@ class View:
 
 
 class ViewFit(Record):
-    """The outcome of one view, also as stored; what was not measured is None."""
+    """The result of one view, also as it is stored; values that were not measured are None."""
 
     name: str
     used: bool

@@ -30,7 +30,7 @@ def python_module(module: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Call:
-    """A request to another process: what it shall do, by the name of a method, and with which arguments."""
+    """A request to another process: the name of a method, and its arguments."""
 
     method: str
     arguments: tuple[Any, ...] = ()

@@ -9,7 +9,7 @@ from hw.types import HandState
 
 TOLERANCE_M = 0.005
 SLIPPED_M = 0.001
-"""Fingers that have moved by more since the grasp hold the tool otherwise than before."""
+"""If the fingers have moved by more than this since the grasp, they hold the tool differently."""
 
 
 def narrower_m(width_m: float) -> float:
@@ -30,8 +30,7 @@ STRONGEST_N = 70.0
 class FakeHand:
     """Closes at once on an object `between_m` wide (None: nothing is between the fingers), and holds it.
 
-    For tests of the code around a hand, and in the simulated lab.
-    `commands` records what it did.
+    For tests of the code around a hand, and in the simulated lab. `commands` records its motions.
     """
 
     def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:

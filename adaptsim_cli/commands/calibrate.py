@@ -170,7 +170,7 @@ def together(
 ) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
-    Judged by the gates of one camera; a result that fails is written, and the command ends with an error.
+    The limits are those of one camera. A result beyond a limit is written, and the command ends with an error.
 
     Views with the same name must show the same posture of the arm.
 

@@ -32,7 +32,7 @@ class GuidedArm(ArmWrapper[Arm]):
     """`hw.ports.Arm` while a person guides it: a lost connection is a question, not the end of the command."""
 
     def __init__(self, arm: Arm, screen: Screen, assurance: str) -> None:
-        """`assurance` tells the person what is not lost."""
+        """`assurance` tells the person that nothing is lost."""
         super().__init__(arm)
         self._screen, self._kept = screen, assurance
 

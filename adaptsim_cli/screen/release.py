@@ -1,7 +1,8 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
-Enter lets nothing move. A foot at the pedal cannot answer: it only enables what a hand has released. A `y` belongs to
-one motion by its digest, and is used up when that motion is tried; no other motion can begin by it.
+Enter lets nothing move. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
+keyboard. A `y` belongs to one motion by its digest, and is used up when that motion is tried; no other motion can begin
+by it.
 """
 
 from __future__ import annotations
@@ -67,7 +68,9 @@ class Release:
     each: Each = "motion"
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
-    """Call it when the task's own motion, or a whole series, came to its end: the way there or home does not count."""
+    """Call it after the task's own motion, or a whole series, was played to its end; the approach and the way home do
+    not count.
+    """
     _released: str = field(default="", init=False)  # digest of the one motion that a `y` lets begin; "": none
     _run: tuple[str, str] | None = field(default=None, init=False)
     _run_released: bool = field(default=False, init=False)  # the arm's model was typed for the rest of the run
@@ -80,7 +83,7 @@ class Release:
         return self.screen is not None and self.each == "motion"
 
     def start(self) -> None:
-        """Ask what is asked once."""
+        """Ask the questions that are asked once per command."""
         if not self._started:
             self.first()
             self._started = True
@@ -128,7 +131,7 @@ class Release:
         self.motion(path.digest, what, path.duration_s)
 
     def take(self, digest: str, what: str = "makes its next motion", duration_s: float | None = None) -> None:
-        """Returns once this motion may be tried. Whatever becomes of it, another one needs an answer of its own."""
+        """Returns once this motion may be tried. However it ends, another motion needs an answer of its own."""
         try:
             self.motion(digest, what, duration_s)
         finally:

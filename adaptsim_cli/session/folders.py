@@ -113,7 +113,7 @@ def session_parts(folder: Path) -> SessionFolders:
 def entries(folder: Path) -> list[Path]:
     """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
 
-    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
+    Links are not followed and pipes are not opened, because files elsewhere are not part of a session.
     """
     try:
         with os.scandir(folder) as scan:

@@ -62,7 +62,7 @@ class StoredFrame:
 
 
 def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
-    """Compress a frame, and decode it again for the tracker, which sees only what is stored.
+    """Compress a frame, and decode it again for the tracker, which sees only the stored pictures.
 
     Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
     """

@@ -113,7 +113,7 @@ def misses_in_words(shown: Revealed) -> str:
         sentences.append(f"The true {listed(beyond)} {lie} beyond the range of training.")
     if others:
         sentences.append(
-            "The belief holds the values with which the simulator of training repeats the observed motions. Values "
+            "The belief contains the values with which the training simulator reproduces the observed motions. Values "
             "that change a motion alike replace each other."
         )
     if shown.unmodelled:

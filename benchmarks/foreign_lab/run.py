@@ -205,7 +205,7 @@ class Lab:
 
 
 def calibration(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
-    """The camera's pose, the joints' zeros, and what the program took its error to be."""
+    """The camera's pose, the joints' zeros, and the error that the program stated."""
     X = np.array(said["X_BC"] if "X_BC" in said else said["X_AC"])
     true = camera_pose(truth)
     apart = X[:3, :3].T @ true[:3, :3]
@@ -230,7 +230,7 @@ def calibration(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
 
 
 def touch_off(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
-    """Table and tool as believed, with what is true."""
+    """Table and tool as the program believes, beside the truth."""
     true = {
         "table_height_mm": 1e3 * table_height_m(truth, 0.68, 0.0),
         "table_tilt_x_mm_m": 1e3 * truth.table_slope[0],

@@ -120,7 +120,7 @@ def scene() -> Any:
 
 @cache
 def model() -> Any:
-    """The compiled scene, once a process."""
+    """The compiled scene, made once per process."""
     return scene().compile()
 
 

@@ -107,7 +107,7 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
 
 
 def _computed(node: ast.expr) -> str:
-    """A text as it stands in the source; "" for one that is put together there, which the class itself then tells."""
+    """A text as it is written in the source; "" if the source computes it, because then the class itself has it."""
     return str(ast.literal_eval(node)) if isinstance(node, ast.Constant) else ""
 
 

@@ -110,7 +110,7 @@ def _own_rows(model: type[BaseModel]) -> list[Row]:
 
 
 def _stored() -> Iterator[tuple[type[BaseModel], tuple[str, str]]]:
-    """The models that files hold too, with the file and the heading of the table that describes them there."""
+    """The models that are also stored in files, with the file and the heading of the table that describes them there."""
     for file, _, tables in FILES:
         for heading, module, name in tables:
             if heading:

@@ -41,7 +41,7 @@ OPEN, STATE, WIDTHS, GRASP = "open", "state", "widths", "grasp"
 class NothingGrasped(HandError):
     """The hand closed, and nothing of the expected width was between its fingers.
 
-    The width that it reports afterwards says nothing: it may have opened again.
+    The width that the hand reports afterwards is no evidence, because it may have opened again.
     """
 
 

@@ -5,8 +5,8 @@ the program. It stops the hand through a second worker with a connection of its 
 for it, is silent for 60 ms, or has ended. A worker that goes on nevertheless is killed with its connection.
 
 A third worker, if the hand takes a third connection, reads the width while the fingers move: a stop may be accepted and
-ignored (`hw.franka.hand_stop`), and after a grasp that failed they may have opened again. Without it the second one
-reads the width after a stop.
+ignored (`hw.franka.hand_stop`), and after a grasp that failed they may have opened again. If there is no third
+connection, the second one reads the width after a stop.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ _CARE = (
 
 @dataclass(frozen=True)
 class Stopped:
-    """The answer to a command that was stopped, and what the fingers did then."""
+    """The answer to a command that was stopped, and the motion of the fingers after it."""
 
     why: str  # a key of `hw.watchdog.IN_WORDS`
     after_s: float  # from the request to stop until the hand accepted it

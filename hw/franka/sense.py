@@ -61,7 +61,7 @@ class ForceSense:
 
     def require_change(self) -> None:
         """Compare the newest posture with the latest other one. Raises MotionRefused if the estimate does not differ,
-        or there is no other.
+        or if there is none from another posture.
         """
         now = self._felt[-1]
         others = [felt for felt in self._felt if _apart(felt, now)]

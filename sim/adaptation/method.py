@@ -205,7 +205,9 @@ class Simulating(Protocol):
 
 @runtime_checkable
 class Choosing(Protocol):
-    """A method that chooses itself what its session keeps; of others `sim.adaptation.judging.choose_best` does."""
+    """A method that chooses the parameters that its session keeps; for others `sim.adaptation.judging.choose_best`
+    does.
+    """
 
     def choose(self, history: Sequence[Iteration]) -> Best:
         """The final parameters. Raises ValueError without a trial."""

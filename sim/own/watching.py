@@ -46,7 +46,9 @@ STARTS = "starts a process"
 
 @contextmanager
 def watched(path: str) -> Iterator[Watched]:
-    """Note what the file does in a block. It cannot end or double this process then, and its output goes to stderr."""
+    """Record the actions of the file during a block. It cannot end or double this process then, and its output goes to
+    stderr.
+    """
     notes = Watched(path)
 
     class Aside(io.TextIOBase):

@@ -1,4 +1,4 @@
-"""The rollouts by which a task is examined, and what a finding says."""
+"""The rollouts by which a task is examined, and the text of a finding."""
 
 from __future__ import annotations
 

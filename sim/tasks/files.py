@@ -121,7 +121,7 @@ def caller_line(path: str) -> int | None:
 def confine(path: str) -> None:
     """From now on code of the file can neither end nor double this process. A TaskError names the line that tries to.
 
-    Code of others is not concerned.
+    Code of other files is not affected.
     """
     _guard()
     _confined().add(path)

@@ -1,6 +1,6 @@
 """The training of a policy into a folder, and its loading.
 
-Nothing is unpickled. What `train` returns decides the files: arrays become `policy.npz`, a torch module becomes
+Nothing is unpickled. The return value of `train` decides the files: arrays become `policy.npz`, a torch module becomes
 `policy.safetensors` (its state), and `None` means that `train` has written files of its own into the folder.
 """
 

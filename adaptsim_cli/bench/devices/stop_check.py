@@ -111,7 +111,7 @@ class StopCheck:
     release: Release
 
     def measure(self, operator: Callable[[], str]) -> StopMeasurement:
-        """Have the stop button pressed during the swing, keep what was measured, and have the button released.
+        """Have the stop button pressed during the swing, keep the measured stop, and have the button released.
 
         `operator` is asked for the name after the first question. Raises StoppedByOperator, MotionRefused, and ArmFault
         for another fault than the stop button.

@@ -175,7 +175,7 @@ class _Drawn:
         self.again()
 
     def again(self) -> None:
-        """Draw what is known now."""
+        """Draw the rig as far as it is described."""
         rig = self._answers.rig
         self._page.surround(rig.table.plane(), rig.table.x_m, rig.table.y_m, rig.boxes())
 

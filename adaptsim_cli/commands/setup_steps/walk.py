@@ -1,8 +1,8 @@
 """The walk through a setup. Read `STEPS` from the top: this is the order of a lab's first day.
 
-A step is done once nothing in its part of the doctor's checklist is missing. What is done is remembered on the disk; a
-walk that was stopped or killed goes on at the first step that is not done, or whose check no longer passes. A step that
-is done again makes all later ones due.
+A step is done once nothing in its part of the doctor's checklist is missing. Completed steps are stored on the disk. A
+walk that was stopped or killed continues at the first step that is not completed, or whose check no longer passes. A
+step that is done again makes all later ones due.
 """
 
 from __future__ import annotations

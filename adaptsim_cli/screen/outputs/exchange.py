@@ -1,7 +1,7 @@
 """Question and answer of a trial with a robot of one's own: the two records of ask and tell.
 
-`adaptsim schema own-robot question` and `adaptsim schema own-robot answer` print their JSON schemas. A key that goes,
-or gets another meaning, raises `VERSION`.
+`adaptsim schema own-robot question` and `adaptsim schema own-robot answer` print their JSON schemas. If a key is
+removed or gets another meaning, `VERSION` is increased.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def _require_one_kind(answer: Answer, question: Question) -> None:
     if answer.rejected is not None or answer.impossible is not None:
         if answer.rejected is not None and answer.impossible is not None:
             raise AnswerRefused(
-                "it says both rejected and impossible: rejected asks for the same again, impossible for another action"
+                "it says both rejected and impossible: rejected repeats the trial, impossible asks for another action"
             )
         if not (answer.rejected or answer.impossible or "").strip():
             raise AnswerRefused("it rejects the trial without a reason: write one sentence")

@@ -35,7 +35,7 @@ def require_trusted(resolved: Resolved, screen: Screen, *, yes: bool) -> None:
 
 
 def own_claims(resolved: Resolved) -> tuple[FileClaim, ...]:
-    """What the current folder decides about a robot of one's own: nothing, if a person answers or types the program."""
+    """The claims of the current folder on a robot of one's own; none if a person answers or types the program."""
     command, folder = resolved.config.answer_with, resolved.places.project_file.parent.resolve()
     source = resolved.sources.get("answer_with")
     if command in ("", PERSON) or source == FLAG:

@@ -65,7 +65,7 @@ class Tables(Record):
 
 
 class Mcap(Record):
-    """Trials as MCAP files of ROS 2 messages, one file a trial."""
+    """Trials as MCAP files of ROS 2 messages, one file per trial."""
 
     files: str = Field("*.mcap", description="which files, each one trial")
     trajectory: str = Field(description="topic of the object's state")

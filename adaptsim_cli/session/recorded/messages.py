@@ -1,4 +1,4 @@
-"""MCAP files of ROS 2 messages that others recorded: one trial a file."""
+"""MCAP files of ROS 2 messages that others recorded, with one trial per file."""
 
 from __future__ import annotations
 

@@ -55,7 +55,9 @@ def logged_again(name: str, folder: Path, store: SessionStore) -> Path:
 
 
 class Feed:
-    """`Watcher` that gives a logger what is new. A logger that fails gets no more, and the session goes on."""
+    """`Watcher` that gives a logger the new values. A logger that fails is not used any more, and the session
+    continues.
+    """
 
     def __init__(self, name: str, logger: SessionLogger, screen: Screen, store: SessionStore) -> None:
         """What the session has already is given at once, because a log begins anew with each command."""

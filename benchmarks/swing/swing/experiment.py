@@ -1,6 +1,6 @@
 """Runs of a real double pendulum predicted: python -m swing.experiment FOLDER [--page PAGE].
 
-FOLDER holds the identification runs of DFKI's design C.1 (docs/results/double-pendulum.md), one NPZ file a run. Each is
+FOLDER has the identification runs of DFKI's design C.1 (docs/results/double-pendulum.md), one NPZ file per run. Each is
 cut into windows of one second; twenty windows, drawn by the seed, update the simulation parameters, and the others are
 predicted. The last line is one JSON object.
 """

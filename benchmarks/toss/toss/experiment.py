@@ -80,7 +80,7 @@ class Half:
         return RewardTable(self.grid.points, self.grid.points, rewards)
 
     def earned_by_points(self, seed: int) -> Array:
-        """(K,) what the policies of the grid's points earn with the recordings of this half, averaged over goals."""
+        """(K,) rewards of the policies of the grid's points with the recordings of this half, averaged over goals."""
         contexts = judged_contexts(TASK, CONDITIONS, seed)
         every = range(len(self.trials))
         real = np.array([self.trials.rewards(every, np.tile(context, (len(every), 1))) for context in contexts])

@@ -1,4 +1,4 @@
-"""The page of the results: what the method earns on tosses that other people recorded."""
+"""The page of the results: rewards of the methods on tosses that other people recorded."""
 
 from __future__ import annotations
 

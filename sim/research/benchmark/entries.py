@@ -197,7 +197,7 @@ def make_entry(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
 
 
 def require_entry(name: str, checkpoint: Checkpoint) -> None:
-    """Raises CheckpointError unless the checkpoint has what the entry needs."""
+    """Raises CheckpointError if the checkpoint lacks something that the entry needs."""
     if name == UDR_MEAN:
         _require_one_context(checkpoint.solver.task)
     elif name in FIXED_RULES:

@@ -2,7 +2,7 @@
 
 The arm is franky-sim's (MuJoCo), in a process of its own, at 1 kHz and without waiting for late commands; the pedal is
 a real serial line (a pseudo-terminal). Without a real-time kernel late cycles are those of this computer and its other
-work. What they show is that the driver adds none.
+work. They show that the driver adds none.
 
     PYTHONPATH=tests/support python benchmarks/arm_tracking.py --releases 4
 """

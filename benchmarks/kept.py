@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Kept:
-    """What is in the file already is not made again. Without a file every row is made and none is kept.
+    """Rows that are in the file already are not made again. Without a file every row is made and none is kept.
 
     A line that a stop cut off half-way is dropped. It does not notice rows that earlier code has made: begin a new file
     after a change.

@@ -6,7 +6,8 @@
 
 The emulator and the reward table are those of the shipped checkpoint, whose own policy is seed 0. The training is that
 of `adaptsim pretrain --methods`: 10,000 episodes. The gate compares a trained policy with staying where it starts, and
-with its own mean drift, in emulated episodes; the second command judges it by true rollouts. What is there is kept.
+with its own mean drift, in emulated episodes; the second command tests it by true rollouts. Existing trainings are
+kept.
 """
 
 from __future__ import annotations

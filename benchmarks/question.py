@@ -83,7 +83,7 @@ class Repeating:
 
 
 class Nobody:
-    """Answers nothing, as nothing is asked."""
+    """Gives no answer, because nothing is asked."""
 
     def placed(self, what: str, wanted_m: Any, real: bool) -> None:
         return

@@ -64,7 +64,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Session:
-    """What one session earned: a line of the table of sessions."""
+    """The rewards of one session: a line of the table of sessions."""
 
     part: str
     world: str

@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Session]:
-    """One session in each world, told as it ends."""
+    """One session in each world, each reported when it ends."""
     task, found = get_task(name), []
     conditions = Conditions(budget=10 if task.exact else 20)
     checkpoint = load_checkpoint(task)
@@ -88,7 +88,7 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
 
 
 def tell(sessions: Sequence[Session]) -> None:
-    """All that the sessions said, against what came."""
+    """All verdicts of the sessions, compared with the later rewards."""
     changes = [
         (number, said.reward, after - now)
         for s in sessions

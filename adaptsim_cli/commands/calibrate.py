@@ -157,7 +157,7 @@ def solve(
 @command()
 def together(
     screen: Screen,
-    folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
+    folders: Annotated[list[Path], typer.Argument(help="A folder of views per camera; docs/guide/foreign-views.md.")],
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
         list[str] | None,
@@ -196,7 +196,7 @@ def overlay(
 ) -> Reply:
     """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
 
-    Also measures how far the hand's outline lies off what moves in the pictures.
+    Also measures the distance of the hand's outline from the moving region of the pictures.
 
     Example: adaptsim calibrate overlay my-views
     """

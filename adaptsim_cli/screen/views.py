@@ -105,7 +105,7 @@ _NEGATIVE, _ZERO = re.compile(r"(?<![\w.)-])-(?=\d)"), re.compile(r"[−+](0(?:\
 def predicted_between(low: float, high: float) -> str:
     """The interval of a predicted reward: `0.68 to 0.96`; without a width, the reason why there is none."""
     interval = between(low, high)
-    return interval if interval != NO_INTERVAL else f"{interval}: all that may be true predict the same"
+    return interval if interval != NO_INTERVAL else f"{interval}: all simulators that may be true predict the same"
 
 
 def _number(dimension: Dimension, text: str) -> float:

@@ -43,7 +43,7 @@ def check_first(task: str, hw: str, calibration: str) -> str:
     if calibration:
         return RIG_FIRST
     if is_own(hw):
-        return "the columns, units and clocks of what your robot reports"
+        return "the columns, units and clocks of your robot's reports"
     return f"the ranges and the reward of the task {task}"
 
 

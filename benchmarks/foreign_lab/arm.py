@@ -1,4 +1,5 @@
-"""The FR3 of the foreign lab: the maker's protocol by franky-sim, and a socket for whoever works in the room.
+"""The FR3 of the foreign lab: the maker's protocol by franky-sim, and a socket for the person and the camera in the
+room.
 
     python arm.py HOST FOLDER [BOARD_PNG]
 
@@ -272,7 +273,7 @@ def answer(client: socket.socket, arm: Arm) -> None:
 
 
 def web_page(host: str) -> None:
-    """The arm's web page answers, as far as a doctor looks."""
+    """A web page of the arm that answers the doctor's requests."""
     try:
         server = socket.create_server((host, 443))
     except OSError:

@@ -1,4 +1,6 @@
-"""Where a person guides the arm to: the board before the camera, or the spatula set down; found with MuJoCo."""
+"""The postures to which a person guides the arm, with the board before the camera or the spatula set down; computed
+with MuJoCo.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Sessions in a lab that shares no code with the product: `python benchmarks/foreign_lab/run.py --out foreign`.
 
 Starts the arm (franky-sim's FR3 over its network protocol) and the camera (MuJoCo's renderer), then types the commands
-of the operator's guide: doctor, calibrate, touch-off, run-iteration. All that was said is in OUT/transcript.txt, truth
-against belief in OUT/found.json. A step that is done already is not done again, so a run that failed can go on.
+of the operator's guide: doctor, calibrate, touch-off, run-iteration. OUT/transcript.txt has the whole dialogue, and
+OUT/found.json the truth beside the results. A completed step is not repeated, so a run that failed can continue.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ class Lab:
         return found
 
     def _room(self, held: str) -> Room:
-        """The room as a person feels it: another model than the arm's, which nothing moves."""
+        """The room as a person perceives it: a second model, in which nothing moves."""
         room = Room(TRUTH, None, self._out)
         room.build(START_RAD)
         room.hold(held)

@@ -25,7 +25,7 @@ camera, M the board and H its holder. Times are ISO 8601.
 
 
 def files() -> str:
-    """One section a file, one table a part."""
+    """One section per file, one table per part."""
     parts = [FILES_HEAD]
     for title, text, tables in FILES:
         parts.append(f"## {title}\n\n{text}\n")

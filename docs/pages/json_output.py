@@ -52,7 +52,7 @@ Row = tuple[str, str, str]
 
 
 def json_output() -> str:
-    """One section a command; what several outputs, or an output and a file, share is described once."""
+    """One section per command; keys that several outputs, or an output and a file, share are described once."""
     models = list(dict.fromkeys(one for kind in OUTPUTS.values() for one in (kind, *_inside(kind))))
     counts = Counter(row for model in models if model not in STORED for row in _own_rows(model))
     common = {key: row for row, number in reversed(counts.most_common()) if number >= SHARED_BY for key in row[:1]}

@@ -96,7 +96,7 @@ class ArmFacts:
         return next((motion.at for motion in self.slow_motions if motion.setup == setup), "")
 
     def new_in(self, setup: SetUp) -> str:
-        """The parts of a set-up that have never moved slowly, as the begin of a sentence."""
+        """The parts of a set-up that have never moved slowly, as the beginning of a sentence."""
         like = [motion.setup for motion in self.slow_motions if motion.setup.kind == setup.kind]
         parts = (
             ("tool or table", setup.tool, {one.tool for one in like}),

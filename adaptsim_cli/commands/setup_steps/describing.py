@@ -49,7 +49,7 @@ def arm(answers: Answers) -> None:
 
 
 def stop_button(answers: Answers) -> None:
-    """The button is pressed and released, and the arm says so."""
+    """The button is pressed and released, and the arm reports both."""
     check_stop_button(answers.config, answers.rig, answers.screen)
 
 

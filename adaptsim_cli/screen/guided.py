@@ -1,7 +1,7 @@
 """An arm that a person guides by hand: waiting until it rests, and connecting again after guiding ended the connection.
 
-Guiding an FR3 may mean to leave Execution in Desk, and that ends the research interface (FCI). What the person has
-shown until then is kept.
+To guide an FR3, a person may have to leave Execution in Desk, which ends the research interface (FCI). Everything that
+the person has shown until then is kept.
 """
 
 from __future__ import annotations

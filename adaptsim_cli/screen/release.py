@@ -58,8 +58,8 @@ def before_first(robot: str, table: str, pedal: bool) -> str:
 class Release:
     """Which motions of one arm and its hand may begin, during one command. Every question may raise StoppedByOperator.
 
-    Arm and hand call `take` before each of their motions, with its digest: what no question has released is asked for
-    there.
+    Arm and hand call `take` before each of their motions, with its digest; a motion that no question has released is
+    asked for there.
     """
 
     screen: Screen | None = None  # None: nobody is asked, in the simulated lab only
@@ -105,7 +105,7 @@ class Release:
             self._run_released = self._run is not None
 
     def announced(self, question: str, digest: str, then: str, assurance: str) -> None:
-        """A question about a trial: it releases the first motion, or where the rig file says so all of them."""
+        """A question about a trial: it releases the first motion, or all of them if the rig file says so."""
         if self.each == "motion" or not self.model:
             self.one(question, digest, then, assurance)
         else:
@@ -142,7 +142,7 @@ class Release:
         self._released = ""
 
     def begun(self) -> None:
-        """The motion that was taken begins: of a run, its first one is watched from now on."""
+        """The motion that was taken begins; if it is the first one of a run, a person watches it from now on."""
         self._watched = self._run is not None
 
     @contextmanager

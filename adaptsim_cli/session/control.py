@@ -46,7 +46,7 @@ def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stag
 
 
 def is_hidden(store: SessionStore, iteration: int) -> bool:
-    """Whether nobody may know yet whose policies acted in an iteration."""
+    """Whether it must stay hidden whose policies acted in an iteration."""
     return store.facts.layout.has_control(iteration) and store.result(iteration) is None
 
 

@@ -70,7 +70,7 @@ def open_parts(
 ) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
-    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
+    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
     robot of one's own, instead of the program or the person of the settings.
 
     NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
@@ -130,7 +130,9 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
 def _own_target(
     config: Config, task: Task, session: Path, screen: Screen | None, answerer: Answerer | None
 ) -> OwnTarget:
-    """The target that asks and is told. Raises UsageError, NoHardware for a task that no lab can report."""
+    """The target that asks for trials and gets their results. Raises UsageError, NoHardware for a task that no lab can
+    report.
+    """
     task.require_report()
     if config.pace < FULL or config.realtime:
         raise UsageError("--hw own: your code decides how fast your robot moves, so leave out --pace and --realtime")

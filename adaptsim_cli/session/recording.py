@@ -79,7 +79,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
 
 @dataclass(frozen=True, eq=False)
 class PartialRecording:
-    """A recording in memory, whole but for the picture with the arm at home again."""
+    """A recording in memory, complete except for the picture with the arm at home again."""
 
     recording: Recording
     _file: _Mcap

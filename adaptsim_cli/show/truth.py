@@ -95,7 +95,7 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
 
 
 def _unmodelled(world: World) -> list[str]:
-    """The effects in which a world differs from training, by name; pictures and steps of time are no effects."""
+    """The effects in which a world differs from training, by name; pictures and time steps are not effects."""
     if not is_dataclass(world.unmodelled):
         return []
     return [

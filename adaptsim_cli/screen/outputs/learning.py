@@ -117,7 +117,7 @@ class Figure(Record):
 
 
 class CheckpointVerified(Output):
-    """A checkpoint against its card."""
+    """A checkpoint compared with its card."""
 
     task: str = described("which task")
     folder: str = described("its folder")

@@ -161,7 +161,7 @@ class Run:
 
     @property
     def receipt(self) -> Path:
-        """There once its output was taken as an answer: who deletes that wants another run."""
+        """This file exists once the output was taken as an answer. If a person deletes it, the program runs again."""
         return Path(f"{self.stem}.taken")
 
     @property

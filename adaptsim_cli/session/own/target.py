@@ -122,7 +122,7 @@ class OwnTarget:
         )
 
     def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
-        """See `Target`: whether the action can be done, the robot's own code knows."""
+        """See `Target`: only the robot's own code knows whether the action can be done."""
         who = self.answerer
         return PlannedTrial(
             placed.drawn,
@@ -158,7 +158,7 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """What this trial and those before it have in common that contradicts their commands."""
+        """A mistake that this trial and those before it have in common, because they contradict their actions."""
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

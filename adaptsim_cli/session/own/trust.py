@@ -1,4 +1,4 @@
-"""The program that answers for a robot: whether the current folder decides what runs, so that a person confirms it.
+"""The program that answers for a robot: if the current folder decides which program runs, a person has to confirm it.
 
 A command that a settings file of the current folder names is bound to the folder, to every file in it and to every path
 elsewhere that the command names. A command of the user's own settings is bound to the folder whose files it names.

@@ -98,7 +98,7 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
-    """Every trial that counts, of repeated actions the first. Raises RecordingsRefused for another task."""
+    """Every trial that counts; of repeated actions only the first. Raises RecordingsRefused for another task."""
     store = SessionStore.open(folder.parent, folder.name)
     if store.facts.task != task.name:
         raise RecordingsRefused(f"{folder} is a session of {store.facts.task}, not of {task.name}")

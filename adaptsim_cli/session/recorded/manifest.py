@@ -50,7 +50,7 @@ class Tables(Record):
         return self.columns.get(ours, ours)
 
     def our_names(self, columns: Iterable[str]) -> dict[str, str]:
-        """Our name of each column that counts. A mapped name wins over a column that is called so."""
+        """Our name of each column that counts. A mapped column overrides a column of that name."""
         renamed = {theirs: name for name, theirs in self.columns.items()}
         return {c: renamed.get(c, c) for c in columns if c in renamed or c not in self.columns}
 
@@ -239,7 +239,7 @@ def _outcome(trial: RawTrial) -> Outcome:
 
 
 def _require_rewards(trials: RecordedTrials, raw: Sequence[RawTrial]) -> None:
-    """Raises RecordingsRefused if the task scores a trial otherwise than its recording."""
+    """Raises RecordingsRefused if the task computes another reward than the one in the recording."""
     for trial, track, context in zip(
         raw, trials.tracks, [] if trials.contexts is None else trials.contexts, strict=True
     ):

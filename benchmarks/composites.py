@@ -81,7 +81,7 @@ class Room:
         whole = np.median(stack, axis=0)
         self.rgb, self.background = whole[ROWS, COLUMNS], whole.astype(np.uint8)
         off = stack[:, ROWS, COLUMNS] - self.rgb
-        still = np.abs(off) < 12.0  # the shadow of the arm is no noise
+        still = np.abs(off) < 12.0  # the shadow of the arm is not noise
         self.noise = float(np.sqrt((off[still] ** 2).mean()))
         camera = real_views.camera(2)
         self.model = CameraModel("realsense", camera, camera, np.eye(4))

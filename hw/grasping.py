@@ -13,7 +13,7 @@ SLIPPED_M = 0.001
 
 
 def narrower_m(width_m: float) -> float:
-    """How much narrower than `width_m` it may be (m): never so much that fingers closed on nothing would count."""
+    """The largest amount (m) by which it may be narrower than `width_m`; fingers that closed on nothing never count."""
     return min(TOLERANCE_M, width_m / 2.0)
 
 
@@ -34,7 +34,7 @@ class FakeHand:
     """
 
     def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:
-        """`holds`: it already grasps the object when the program connects."""
+        """With `holds` it already grasps the object when the program connects."""
         self.between_m, self.holds, self.force_N = between_m, holds, 0.0
         self.width_m = between_m or 0.0 if holds else WIDEST_M
         self._homed = self._connected = False

@@ -28,7 +28,7 @@ def calibrate(
     screen: Screen,
     resolved: Resolved,
     guide: _Guide = False,
-    views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
+    views: Annotated[int, typer.Option("--views", min=12, max=100, help="Number of places that the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: options.Yes = False,
 ) -> Reply:

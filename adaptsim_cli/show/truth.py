@@ -42,7 +42,7 @@ PARALLEL_FROM_S = 5.0
 
 
 def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[], Posterior]) -> Revealed | None:
-    """Truth, range and belief of each parameter; None if simulate is no truth, no trial, or no posterior to show.
+    """Truth, range and belief of each parameter; None without a simulated truth, a trial, or a posterior to show.
 
     `posterior` makes that of the session. Raises SessionError on damage.
     """

@@ -94,7 +94,7 @@ class Poller:
         self._worker = worker
 
     def read(self, for_s: float) -> Widths:
-        """See `Reader`; widths of the time before are not known."""
+        """See `Reader`; earlier widths are not known."""
         rows, until_s = list[tuple[float, float]](), time.monotonic() + for_s
         with suppress(ChildGone):
             while not rows or rows[-1][0] < until_s:
@@ -124,7 +124,9 @@ class Keeper:
         self._ended = False
 
     def ask(self, call: Call) -> Answer:
-        """Have the worker do it, and stop it if the program wants that. A worker that ended is not restarted."""
+        """Pass the request to the worker, and stop the worker if the program wants that. A worker that ended is not
+        restarted.
+        """
         if self._ended:
             return DeviceUnavailable("the hand was stopped in the middle of a command: connect again, and home it")
         try:

@@ -117,7 +117,7 @@ class HandProcess:
             return "the hand had ended its command"
         if isinstance(answer, Stopped | HandError):
             return str(answer.error() if isinstance(answer, Stopped) else answer)
-        return f"it is not known whether the fingers of the hand stand still ({answer or 'no answer'}): look at it"
+        return f"it is not known whether the hand's fingers stand still ({answer or 'no answer'}): look at the hand"
 
     def _told(self, answer: Any) -> HandState:
         if isinstance(answer, HandState):

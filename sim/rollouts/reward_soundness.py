@@ -23,7 +23,7 @@ def _unclipped(task: Task, end: Array, context: Array) -> Array:
 
 
 def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
-    """Sentences about rewards that are no numbers from 0 to 1, or that differ in a stack of trials."""
+    """Sentences about rewards that are not numbers from 0 to 1, or that differ in a stack of trials."""
     right = "rewards are numbers from 0 to 1 (`reward_of_success`)"
     for one in rolls:
         try:

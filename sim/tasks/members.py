@@ -169,7 +169,7 @@ def _arrays(path: Path) -> Any:
 
 
 def _digest(folder: Path) -> str:
-    """Of the names and contents of all files but `POLICY`."""
+    """A digest of the names and contents of all files except `POLICY`."""
     total = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and p != folder / POLICY):
         total.update(str(path.relative_to(folder)).encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())

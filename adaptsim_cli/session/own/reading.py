@@ -47,7 +47,7 @@ def _table(content: bytes) -> Mapping[str, Any]:
     try:
         text = content.decode("utf-8-sig").strip()
     except UnicodeDecodeError as error:
-        raise AnswerRefused(f"it is no text in UTF-8 (byte {error.start}): print one JSON object") from error
+        raise AnswerRefused(f"it is not text in UTF-8 (byte {error.start}): print one JSON object") from error
     if not text:
         raise AnswerRefused("it is empty: print one JSON object, at the end of the output")
     for part in (text, text.splitlines()[-1]):
@@ -172,7 +172,7 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         return np.array([after_s if answer.rest_s is None else answer.rest_s]), np.array([answer.end])
     times, rows = answer.t_s or (), answer.state or ()
     if len(times) != len(rows):
-        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: there must be one row a time")
+        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: give one row for each time")
     if len(times) < 2:
         raise AnswerRefused(f"the trajectory has {len(times)} states, and needs two: to report the end alone, give end")
     wrong = next((i for i, row in enumerate(rows) if len(row) != len(columns)), None)

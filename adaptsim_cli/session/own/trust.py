@@ -64,7 +64,7 @@ def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> FileClaim
     else:
         bound |= files
         where = ", ".join(map(str, ("this folder", *elsewhere)))
-        meaning += f" Bound to {len(files)} files of {where} ({UNREAD} aside): a change of any of them asks again."
+        meaning += f" Bound to {len(files)} files of {where} (except {UNREAD}): a change of any of them asks again."
     return FileClaim(PROGRAM, folder, bound, meaning)
 
 

@@ -92,7 +92,7 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
     for name in manifest.sessions:
         where = folder / name
         if "\0" in name or not (where / FACTS).exists():
-            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is no session")
+            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is not a session")
         trials += _of_session(task, where)
     return trials, ()
 

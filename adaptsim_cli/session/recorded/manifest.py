@@ -27,8 +27,8 @@ MANIFEST = "recorded.toml"
 class Tables(Record):
     """Trials as rows of CSV or Parquet files."""
 
-    trials: str = Field("trials.csv", description="file with one row a trial")
-    trajectories: str = Field("trajectories.csv", description="file with one row a sample")
+    trials: str = Field("trials.csv", description="file with one row per trial")
+    trajectories: str = Field("trajectories.csv", description="file with one row per sample")
     state: tuple[str, ...] = Field(description="columns of a trajectory, in the order of the task's track")
     columns: dict[str, str] = Field(
         default_factory=dict,
@@ -194,7 +194,7 @@ def _number(trial: RawTrial, name: str) -> float:
         raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {listing}") from error
     except (TypeError, ValueError) as error:
         cell = trial.values[name]
-        raise RecordingsRefused(f"trial {trial.name}: {name} = {cell!r} is no number{number_hint(cell)}") from error
+        raise RecordingsRefused(f"trial {trial.name}: {name} = {cell!r} is not a number{number_hint(cell)}") from error
     if not math.isfinite(value):
         raise RecordingsRefused(f"trial {trial.name}: {name} = {value:g} is not finite")
     return value

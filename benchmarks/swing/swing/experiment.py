@@ -65,7 +65,7 @@ def read_windows(folder: Path) -> RecordedTrials:
             with np.load(path, allow_pickle=False) as file:
                 t_s, *columns = (np.asarray(file[name], dtype=np.float64) for name in ("time", *_COLUMNS))
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} is no run (arrays time, {', '.join(_COLUMNS)}): {error}") from error
+            raise ValueError(f"{path} is not a run (arrays time, {', '.join(_COLUMNS)}): {error}") from error
         if (
             len({len(t_s), *map(len, columns)}) > 1
             or not np.isfinite([t_s, *columns]).all()

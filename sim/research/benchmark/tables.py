@@ -105,7 +105,7 @@ def build_table_share(
     """Simulate the missing rows of one share of the table; several processes may do so at a time.
 
     `before`: how many shards other tables of the same work have. Returns how many shards are this share's, and how many
-    the table has. `build_table` joins the shares. Raises as it does.
+    the table has. `build_table` joins the shares. Raises the same errors as `build_table`.
     """
     _agreed_plan(solver, policies_of, scene, world, folder, size)
     shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
@@ -133,7 +133,7 @@ def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, fol
 
 
 def _in_world(solver: Solver, world: World) -> Task:
-    """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
+    """The task in the world. If it simulates stacks, these do not contain the world's effects."""
     return replace(solver.task, simulate=rollouts_in(world, solver.task), simulate_many=None)
 
 

@@ -232,7 +232,7 @@ def sink_m(mass_kg: float) -> float:
     """Depth d at which the pressure under the base carries the weight.
 
     Drake's field of a cylinder is its modulus times the distance to the nearest surface over the largest such distance
-    within it, here half the base's height h. At a depth that is small against h the pressure is even but for the rim,
-    so d = weight h / (2 pi e R^2).
+    within it, here half the base's height h. At a depth much smaller than h the pressure is even except at the rim, so
+    d = weight h / (2 pi e R^2).
     """
     return mass_kg * GRAVITY_M_S2 * BASE_HEIGHT_M / (2.0 * math.pi * BASE_E_PA * BASE_RADIUS_M**2)

@@ -50,7 +50,7 @@ def trial(name: str) -> tuple[tuple[JointPath, ...], Tool]:
 
 
 def track(server: Fr3Process, name: str) -> dict[str, object]:
-    """The task path of one trial: cycles without an answer in time."""
+    """The task path of one trial, and its cycles without an answer in time."""
     (_, path, _), tool = trial(name)
     server.place(path.q_rad[0])
     with arm_at(server, tool=tool) as arm:

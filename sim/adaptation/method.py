@@ -111,7 +111,7 @@ class Best:
 
 @dataclass(frozen=True, eq=False)
 class SessionForecast:
-    """The forecast of a session, for its final policy if it ended now."""
+    """The forecast of a session, for the final policy that it would have if it ended now."""
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality

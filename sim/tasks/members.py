@@ -83,7 +83,7 @@ def read_member(folder: Path) -> Member:
 
 
 def load_policy(task: Task, member: Member) -> Any:
-    """The policy as `simulate` takes it. Raises TaskError if the task's `load` fails, CheckpointError."""
+    """The policy as `simulate` takes it. Raises CheckpointError; TaskError if the task's `load` fails."""
     assert task.training is not None
     folder, load = member.folder, task.training.load
     stored: Any = folder

@@ -115,7 +115,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
 
     @contextmanager
     def hand_moving(self) -> Iterator[None]:
-        """Around one motion of the hand: a note on the disk until its fingers stand.
+        """Keeps a note on the disk during one motion of the hand, until its fingers stand still.
 
         Unless it is certain that they do, neither arm nor hand moves before `recover`; raises ArmFault.
         """

@@ -44,7 +44,7 @@ class Reporting(Protocol):
 
 
 def swing(q_rad: Array, cell: Workcell, joints: Sequence[int] = JOINTS) -> JointPath:
-    """A slow motion of one of `joints` from the reported joints (7,) that `cell` allows, back at its start.
+    """A slow motion of one of `joints` that begins and ends at the reported joints (7,), and that `cell` allows.
 
     Raises MotionRefused.
     """

@@ -1,4 +1,4 @@
-"""The steps that use the devices. Each is the function of a command of its own, and continues as that does."""
+"""The steps that use the devices. Each step is the function of a separate command, and continues like that command."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class OwnTarget:
         return False
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
-        """See `Target`: the measured context is asked for, if the task needs it.
+        """See `Target`: asks for the measured context, if the task needs it.
 
         Raises AnswerAwaited, AnswerRefused.
         """

@@ -1,4 +1,4 @@
-"""Baselines that could win, of the sealed benchmark: simple methods that use the knowledge of the simulator well.
+"""Baselines of the sealed benchmark that could win: simple methods that use the knowledge of the simulator well.
 
 `best-of-first` tries a few actions that are fixed before any trial, and keeps the one that earned most. `least-squares`
 fits the parameters of an exact simulator to all trajectories. `simopt` is SimOpt (Chebotar et al. 2019) with the task

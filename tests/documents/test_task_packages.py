@@ -194,14 +194,14 @@ def test_public_tosses_become_the_file_of_the_experiment(toss, tmp_path):
     written = {int(name) for name in read_recorded(toss, FEW).names}
     assert len(set(convert.NUMBERS)) == 285 and written <= set(convert.NUMBERS) <= set(range(550))
     rng = np.random.default_rng(0)
-    runs = {number: rng.standard_normal((4 + number, 13)) for number in (2, 5)}
+    runs = {number: np.tile(rng.uniform(0.05, 0.15, 13), (200 + number, 1)) for number in (2, 5)}
     for run in runs.values():
         run[:, :4] /= np.linalg.norm(run[:, :4], axis=1, keepdims=True)
     for number, run in runs.items():
         torch.save(torch.tensor(run), tmp_path / f"{number}.pt")
     digest = convert.convert(tmp_path, tmp_path / "tosses.npz", (2, 5))
     tosses = importlib.import_module("toss.data").read_tosses(tmp_path / "tosses.npz")
-    assert tosses.trials.names == ("2", "5") and [len(one) for one in tosses.rotations] == [6, 9]
+    assert tosses.trials.names == ("2", "5") and [len(one) for one in tosses.rotations] == [202, 205]
     assert tosses.trials.actions[1, 9:] == pytest.approx(runs[5][0, 10:], abs=1e-6)
     assert len(digest) == len(convert.STATE_SHA256) and digest != convert.STATE_SHA256
     with pytest.raises(ValueError, match=r"7\.pt is missing"):

@@ -103,7 +103,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ),
         ({"trials_csv": "trial,outcome\nrun0\n"}, "line 2: 1 cells instead of 2"),
         ({"trajectories_csv": "trial,t_s,q1\n"}, "has no column 'q2'"),
-        ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is not a number"),
+        ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' cannot be read as a number"),
         (
             {"trajectories_csv": HEAD + "".join(f"run{i},0,nan,0,0,0,0\n" for i in range(8))},
             "run0: state has values that are not finite",

@@ -201,7 +201,8 @@ def _read(task: Task, folder: Path, world: World, size: int) -> WorldTable:
         listed.append(requests)
         parts.append(results)
         context = requests.context[:, : len(task.physical_context)]
-        for column in (requests.action, context, results.observation, results.end_state, results.succeeded):
+        credit = [] if results.failure_reward is None else [results.failure_reward]
+        for column in (requests.action, context, results.observation, results.end_state, results.succeeded, *credit):
             total.update(np.ascontiguousarray(column).tobytes())
     return WorldTable(world.name, reduce(Requests.followed_by, listed), concatenate(parts), total.hexdigest()[:16])
 

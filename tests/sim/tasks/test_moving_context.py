@@ -97,7 +97,7 @@ def test_the_emulator_predicts_in_the_context_of_the_trial():
     true = np.array([TASK.observation(simulate(*row, np.zeros(0))) for row in zip(mu, CONTEXTS, speed, strict=True)])
     paths = emulator().trajectories(mu, speed, np.zeros((4, 0)), CONTEXTS)
     assert np.abs(paths - true).max() < 0.03
-    assert np.abs(emulator().outcomes(mu, speed, np.zeros((4, 0)), CONTEXTS)[1].mean(axis=0) - 1.0).max() < 0.06
+    assert np.abs(emulator().outcomes(mu, speed, np.zeros((4, 0)), CONTEXTS).end_state.mean(axis=0) - 1.0).max() < 0.06
     limit = emulator().misfit_limit
     own, other = (misfit(emulator(), c, speed[0], true[0]) for c in (CONTEXTS[0], CONTEXTS[3]))
     assert own < limit < other
@@ -137,8 +137,8 @@ def test_a_discrepancy_varies_over_actions_and_contexts():
         """The mean discrepancy in where the ball stops."""
         drawn = simulators.disturbances
         executed = action[:, None, None] + drawn.error
-        expected = emulator().outcomes(posterior.parameters[None, :, None], executed, drawn.nuisance, context)[1]
-        return float((posterior.outcomes(action, context).end_state - expected.mean(axis=0)).mean())
+        expected = emulator().outcomes(posterior.parameters[None, :, None], executed, drawn.nuisance, context).end_state
+        return float((posterior.outcomes(action, context).predicted.end_state - expected.mean(axis=0)).mean())
 
     near, far = added_m(CONTEXTS[0]), added_m(CONTEXTS[3])
     assert near > 0.05

@@ -7,7 +7,7 @@ is interpolated. The actions that look best are then simulated too, which improv
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -105,8 +105,14 @@ def _width(task: Task) -> int:
 
 def _followed_by(first: PredictedOutcomes, then: PredictedOutcomes) -> PredictedOutcomes:
     """The outcomes (S, A) of some actions, and those of others."""
-    both = ([getattr(one, f.name) for one in (first, then)] for f in fields(PredictedOutcomes))
-    return PredictedOutcomes(*(None if parts[0] is None else np.concatenate(parts, axis=1) for parts in both))
+    failed = None
+    if first.failure_reward is not None and then.failure_reward is not None:
+        failed = np.concatenate([first.failure_reward, then.failure_reward], axis=1)
+    return PredictedOutcomes(
+        np.concatenate([first.success, then.success], axis=1),
+        np.concatenate([first.end_state, then.end_state], axis=1),
+        failed,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,8 +44,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Provenance, SessionParts, Target
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
-from hw.types import Array
-from perception.types import ObjectTrack, Outcome
+from perception.types import Outcome
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
@@ -279,19 +278,14 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
         )
     if config.pace < FULL:
         raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
-    from sim.lab.world import load_world, rollouts_in
+    from sim.lab.world import load_world, rollout_in
 
     world = load_world(config.world, task)
-    roll = rollouts_in(world, task)
-
-    def rollout(context: Array, action: Array) -> ObjectTrack:
-        return roll(world.parameters, context, action, world.nuisance)
-
     duration_s = float(task.observation.times_s[-1])
     title = f"simulated target, world {world.name}"
     if world.physics != "drake":
         title += f" in {world.physics}, without arm or camera"
-    return SimulatedTarget(task.object_name, duration_s, title, rollout)
+    return SimulatedTarget(task.object_name, duration_s, title, partial(rollout_in, world, task=task))
 
 
 def _world_sha256(name_or_path: str) -> str:

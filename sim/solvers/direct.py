@@ -167,7 +167,7 @@ class InterpolatedPolicy(CandidatePolicy):
 
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
         """(A, S): of a failure as the nearest simulated action; the end state is interpolated."""
-        at = self._place(actions, np.broadcast_to(self.task.simulated_in(context), (len(actions), len(context))))
+        at = self._coordinates(actions, np.broadcast_to(self.task.simulated_in(context), (len(actions), len(context))))
         near = np.linalg.norm(at[:, None] - self._places, axis=-1).argmin(axis=1)
         ends = np.stack([interpolant(at) for interpolant in self._interpolants], axis=1)
         failed = None if self.ends.failure_reward is None else self.ends.failure_reward[:, near].T
@@ -185,7 +185,7 @@ class InterpolatedPolicy(CandidatePolicy):
             ranked, worth = self.ranked(context)
             at = self.task.simulated_in(context)
             for action in ranked[np.argsort(-worth, kind="stable")]:
-                place = self._place(action[None], at[None])
+                place = self._coordinates(action[None], at[None])
                 if len(actions) < ADDED and np.linalg.norm(places - place, axis=1).min() > APART:
                     actions.append(action)
                     contexts.append(at)
@@ -209,14 +209,14 @@ class InterpolatedPolicy(CandidatePolicy):
         """(A, S)"""
         return self.task.expected_reward(outcomes.predicted, context)
 
-    def _place(self, actions: Array, contexts: Array) -> Array:
+    def _coordinates(self, actions: Array, contexts: Array) -> Array:
         moving = self.task.physical_context
         parts = [self.task.action.normalise(actions), moving.normalise(contexts[:, : len(moving)])]
         return np.concatenate(parts, axis=1)
 
     @cached_property
     def _places(self) -> Array:
-        return self._place(self.simulated, self.contexts)
+        return self._coordinates(self.simulated, self.contexts)
 
     @cached_property
     def _interpolants(self) -> tuple[_Interpolant, ...]:

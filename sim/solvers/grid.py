@@ -168,7 +168,7 @@ class GridSolver(FromOutcomes):
 
     def _looked_up(self, requests: Requests) -> _PointRollouts:
         """The rollouts of N rows; the missing ones are simulated."""
-        _, nearest = self._tree.query(self._place(requests.parameters, requests.context))
+        _, nearest = self._tree.query(self._coordinates(requests.parameters, requests.context))
         at = np.asarray(nearest, dtype=np.intp)
         pairs = np.ascontiguousarray(np.concatenate([requests.action, requests.nuisance], axis=1))
         _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
@@ -201,7 +201,7 @@ class GridSolver(FromOutcomes):
         """No rollout yet at any point, of the sizes of others."""
         return _PointRollouts.empty(len(self.points), like.end_state.shape[1], like.observation.shape[1])
 
-    def _place(self, parameters: Array, contexts: Array) -> Array:
+    def _coordinates(self, parameters: Array, contexts: Array) -> Array:
         """(N, p), (N, c) -> (N, d): the coordinates in which the nearest point of the grid is found."""
         moving = self.task.physical_context
         parts = [self.task.margin.normalise(parameters), moving.normalise(contexts[:, : len(moving)])]
@@ -220,12 +220,12 @@ class GridSolver(FromOutcomes):
     @cached_property
     def _apart(self) -> Array:
         """(P, K, size) differences of these trajectories between each point and the one nearest to it."""
-        _, near = self._tree.query(self._place(self.points, self.contexts), k=2)
+        _, near = self._tree.query(self._coordinates(self.points, self.contexts), k=2)
         return np.asarray(self._paths - self._paths[:, near[:, 1]])
 
     @cached_property
     def _tree(self) -> cKDTree:
-        return cKDTree(self._place(self.points, self.contexts))
+        return cKDTree(self._coordinates(self.points, self.contexts))
 
 
 def grid_solver(task: Task) -> ListedActionSolver:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
-from sim.lab.world import World, rollouts_in
+from sim.lab.world import World, task_in
 from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
@@ -84,7 +84,7 @@ def build_table(
     """
     plan = _agreed_plan(solver, policies_of, scene, world, folder, size)
     shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
-    simulate_missing(_in_world(solver, world), shards, executor, progress)
+    simulate_missing(task_in(world, solver.task), shards, executor, progress)
     table = _read(solver.task, folder, world, size)
     write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
     return table
@@ -109,7 +109,7 @@ def build_table_share(
     """
     _agreed_plan(solver, policies_of, scene, world, folder, size)
     shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
-    return simulate_share(_in_world(solver, world), shards, share, executor, progress, before), len(shards)
+    return simulate_share(task_in(world, solver.task), shards, share, executor, progress, before), len(shards)
 
 
 def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, folder: Path, size: int) -> dict[str, Any]:
@@ -130,11 +130,6 @@ def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, fol
             f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
         )
     return plan
-
-
-def _in_world(solver: Solver, world: World) -> Task:
-    """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
-    return replace(solver.task, simulate=rollouts_in(world, solver.task), simulate_many=None)
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:

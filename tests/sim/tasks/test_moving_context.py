@@ -151,7 +151,8 @@ def _in(world: World, parameters: Array, context: Array, action: Array, nuisance
 
 
 def test_a_world_table_answers_with_the_nearest_action_and_context(monkeypatch, tmp_path):
-    monkeypatch.setattr(tables, "rollouts_in", lambda world, task: partial(_in, world))  # the task is not registered
+    rolling_in = lambda world, task: replace(task, simulate=partial(_in, world), simulate_many=None)  # noqa: E731
+    monkeypatch.setattr(tables, "task_in", rolling_in)  # the task is not registered
     world = World("here", "rolling", "", np.array([1.2]), np.zeros(0), Unmodelled(), Sensing(), Faults())
     with serial_executor() as executor:
         table = build_table(emulator(), "none", "scene", world, tmp_path, 256, executor, lambda done, total: None)

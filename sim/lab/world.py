@@ -357,10 +357,7 @@ def rollout_in(world: World, context: Array, action: Array, task: Task | None = 
     `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
     physics is not installed, RolloutError if the task's code fails.
     """
-    if task is None or library_of(task) is None:
-        simulate = simulate_of(world.task, world.physics)
-    else:
-        simulate = task.simulate
+    simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
     try:
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:

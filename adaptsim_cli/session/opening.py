@@ -127,9 +127,10 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
 
 
 def _own_target(
-    config: Config, task: Task, session: Path, screen: Screen | None, answerer: Answerer | None
+    config: Config, expectations: Expectations, session: Path, screen: Screen | None, answerer: Answerer | None
 ) -> OwnTarget:
     """The target that asks and is told. Raises UsageError, NoHardware for a task that no lab can report."""
+    task = expectations.task
     task.require_report()
     if config.pace < FULL or config.realtime:
         raise UsageError("--hw own: your code decides how fast your robot moves, so leave out --pace and --realtime")
@@ -151,7 +152,7 @@ def _own_target(
             "--hw own: who answers for your robot? Name a program (--answer-with 'python my_robot.py'), or "
             "--answer-with person, or ask from Python: api.begin(..., hw='own'), session.ask (docs/guide/own-robot.md)"
         )
-    return OwnTarget(task, session, answerer, config.method)
+    return OwnTarget.of_session(task, session, answerer, config.method, expectations)
 
 
 def _adaptation(
@@ -211,12 +212,11 @@ def _open_own_or_target(
     answerer: Answerer | None,
 ) -> Iterator[_Opened]:
     """See `_open_target`; a robot of one's own is a target without devices."""
-    task = expectations.task
     if config.is_own:
-        yours = replace(_own_target(config, task, session, screen, answerer), expectations=expectations)
+        yours = _own_target(config, expectations, session, screen, answerer)
         yield yours.task, yours, yours.executable, None
         return
-    with _open_target(config, task, drivers, own, screen) as opened:
+    with _open_target(config, expectations.task, drivers, own, screen) as opened:
         yield opened
 
 

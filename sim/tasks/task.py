@@ -173,7 +173,7 @@ class LabReport:
 
     columns: tuple[str, ...]  # of `ObjectTrack.state`, each with its unit: "x [m]"
     outcomes: tuple[Outcome, ...]  # how a trial can end
-    successes: tuple[Outcome, ...]  # those that may earn a reward
+    successes: tuple[Outcome, ...]  # which of them are successes
     ends_in_tool: bool = False  # the end of a success is that of the object in the tool's frame, `end_in_tool_m`
     places_first: bool = False  # the context is where the object lies: measured, then the action is chosen
     computed: tuple[str, ...] = ()  # columns that only the simulation can compute, so that no lab can report them

@@ -145,12 +145,20 @@ def read() -> list[AfterIteration]:
     with STORED.open(encoding="utf-8", newline="") as file:
         return [
             AfterIteration(
-                line["task"], line["world"], int(line["seed"]), int(line["iteration"]),
-                *(float(line[name]) for name in ("predicted", "earned", "expected", "low", "high")),
-                line["hopeless"] == "True", float(line["reward"]),
+                task=line["task"],
+                world=line["world"],
+                seed=int(line["seed"]),
+                iteration=int(line["iteration"]),
+                predicted=float(line["predicted"]),
+                earned=float(line["earned"]),
+                expected=float(line["expected"]),
+                low=float(line["low"]),
+                high=float(line["high"]),
+                hopeless=line["hopeless"] == "True",
+                reward=float(line["reward"]),
             )
             for line in csv.DictReader(file)
-        ]  # fmt: skip
+        ]
 
 
 def write(iterations: Iterable[AfterIteration]) -> None:

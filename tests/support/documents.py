@@ -26,6 +26,7 @@ PAGES = (
 )
 FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+MARKED = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
 """Options that act while the line is parsed: nothing is installed by a test."""
 NUMBERS = {"WIDTH", "N", "TRIAL"}
@@ -45,6 +46,17 @@ def read(page: Path) -> str:
         return text
     cells = [(cell["cell_type"], "".join(cell["source"])) for cell in json.loads(text)["cells"]]
     return "\n\n".join(f"```python\n{source}\n```" if kind == "code" else source for kind, source in cells) + "\n"
+
+
+def marked(page: str) -> list[tuple[str, str, str]]:
+    """(kind, path, code) of the marked code of a page of docs, in order."""
+    return MARKED.findall((ROOT / "docs" / page).read_text(encoding="utf-8"))
+
+
+def code_in(page: str, language: str) -> list[str]:
+    """The code blocks in a language of a page of the repository, in order."""
+    fences = FENCE.findall((ROOT / page).read_text(encoding="utf-8"))
+    return [code for _, name, code in fences if name == language]
 
 
 def commands(text: str, program: str = "adaptsim") -> list[str]:

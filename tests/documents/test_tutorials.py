@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import serial_lines
-from documents import ROOT, install, marked, module, require_kept
+from documents import ROOT, install, install_from, marked, module, require_kept
 from notebooks import run_cell
 from pydantic import ValidationError
 from real_lab import quiet, said
@@ -54,11 +54,7 @@ def forget_packages() -> Iterator[None]:
 @pytest.fixture
 def curling(tmp_path, monkeypatch) -> Iterator[Task]:
     """The task of the tutorial, its package installed for as long as a test runs."""
-    for _, path, code in [block for block in marked("guide/add-a-task.md") if block[0] == "file"]:
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(code, encoding="utf-8")
-    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][tasks.REGISTRY.group])
+    install_from("guide/add-a-task.md", tmp_path, tasks.REGISTRY.group)
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     yield tasks.get_task("curling")
@@ -154,13 +150,7 @@ def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(tmp_pat
 @pytest.mark.long
 def test_the_camera_of_the_tutorial_is_found_described_and_recorded_with(tmp_path, monkeypatch):
     """In processes of its own, as every camera: the package is installed where their interpreter finds it."""
-    for _, path, code in [
-        block for block in marked("guide/add-a-device.md") if block[1].startswith(("lumen", "pyproject"))
-    ]:
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(code, encoding="utf-8")
-    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][kinds.CAMERAS.group], kinds.CAMERAS.group)
+    install_from("guide/add-a-device.md", tmp_path, kinds.CAMERAS.group, ("lumen", "pyproject"))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
     plugins.offers.cache_clear()

@@ -8,6 +8,7 @@ import json
 import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -128,3 +129,13 @@ def install(folder: Path, package: str, offered: Mapping[str, str], group: str =
     lines = [f"[{group}]", *(f"{name} = {value}" for name, value in offered.items())]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
+
+
+def install_from(page: str, folder: Path, group: str, names: tuple[str, ...] = ("",)) -> None:
+    """Write the marked files of a page of docs whose paths begin with one of `names`, and install them as a package."""
+    for kind, path, code in marked(page):
+        if kind == "file" and path.startswith(names):
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(code, encoding="utf-8")
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    install(folder, project["name"], project["entry-points"][group], group)

@@ -19,20 +19,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from world_sources import source_in
 
-from adaptsim_cli import config
-from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import ENOUGH, WORTHWHILE, SessionForecast
 from sim.adaptation.methods.adaptsim import AdaptSim, create, forecast_after
 from sim.adaptation.outcome_posterior import PosteriorPolicy
 from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session
-from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
 from sim.research.benchmark.worlds import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
-from sim.tasks.fingerprint import scene_key
 
 LOW = 0.7
 """A predicted reward below which another iteration might be worth more."""
@@ -68,11 +64,8 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
     method, e = create(task, checkpoint), checkpoint.reward_table
     assert e is not None
     shown = policy_for(checkpoint.solver, e.candidates[:1])
-    root, scene = tables_folder(config.load({"task": name})), scene_key(task)
     for target in targets_of(task, targets.split(",")):
-        place: TrialSource = SimulatedTrials(checkpoint.solver, target.world)
-        if tables:
-            place = TableTrials(task, load_table(task, target.world, scene, root / target.set / target.name))
+        place = source_in(target, checkpoint.solver, tables=tables)
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, PosteriorPolicy)]
         earned = tuple(estimated_reward(task, policy.actions, place, conditions, seed).mean for policy in own)

@@ -84,9 +84,7 @@ def world_tables(
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn, named and sealed.")
     ] = "develop,drawn,named",
-    rollouts: Annotated[
-        int, typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=8, help="True rollouts of each world.")
-    ] = 320,
+    rollouts: Annotated[int, options.advanced("--rollouts", "True rollouts of each world.", min=8)] = 320,
     scheduler: options.Scheduler = "",
     share: options.ShareOfWork = "",
 ) -> Reply:

@@ -27,28 +27,19 @@ def pretrain(
     budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
     rollouts: Annotated[
         int | None,
-        typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=64, help="Simulated trials in the dataset."),
+        options.advanced("--rollouts", "Simulated trials in the dataset.", min=64),
     ] = None,
     denser: Annotated[
         int | None,
-        typer.Option(
-            "--denser", rich_help_panel=options.ADVANCED, min=0, help="Further trials where the outcome is uncertain."
-        ),
+        options.advanced("--denser", "Further trials where the outcome is uncertain.", min=0),
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(
-            "--episodes",
-            rich_help_panel=options.ADVANCED,
-            min=64,
-            help="Episodes from which each adaptation policy learns.",
-        ),
+        options.advanced("--episodes", "Episodes from which each adaptation policy learns.", min=64),
     ] = None,
     judged: Annotated[
         int | None,
-        typer.Option(
-            "--judged", rich_help_panel=options.ADVANCED, min=4, help="Unseen targets on which the result is evaluated."
-        ),
+        options.advanced("--judged", "Unseen targets on which the result is evaluated.", min=4),
     ] = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")

@@ -252,12 +252,7 @@ def accept(
     trial: options.Trial,
     attempt: Annotated[
         int | None,
-        typer.Option(
-            "--attempt",
-            rich_help_panel=options.ADVANCED,
-            min=1,
-            help="Which attempt; default: the newest with a recording.",
-        ),
+        options.advanced("--attempt", "Which attempt; default: the newest with a recording.", min=1),
     ] = None,
     reason: Annotated[str, typer.Option("--reason", help="Why it counts after all.")] = "restored by the operator",
 ) -> Reply:

@@ -17,7 +17,7 @@ from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_
 from adaptsim_cli.config import DIRECT, SOLVERS, Config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.folders import SOLVER
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:

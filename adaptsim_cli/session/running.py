@@ -36,8 +36,7 @@ from adaptsim_cli.session.same_parts import same_parts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
-from hw.cores import usable_cores
-from hw.memory import return_pictures
+from hw.computer import return_pictures, usable_cores
 from hw.plugins import did_you_mean
 from sim.adaptation.stages import Show
 from sim.errors import MomentsMissing

@@ -52,13 +52,13 @@ from sim.research.pretraining.meta_training import (
     learning_gate,
     train_adaptation,
 )
-from sim.research.pretraining.soundness import require_sound
 from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.cost import measured_cost
 from sim.rollouts.dataset import build_dataset
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts, simulate_missing
 from sim.rollouts.shards import split as into_shards
+from sim.rollouts.soundness import require_sound
 from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import reward_error, split, train_emulator

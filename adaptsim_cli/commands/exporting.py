@@ -154,14 +154,11 @@ def replay(
     import subprocess
     import sys
 
-    from adaptsim_cli.errors import UsageError
     from adaptsim_cli.session import history, replaying
     from adaptsim_cli.session.exporting import written
 
     opened = options.stored(session)
     record = history.completed(opened, trial)
-    if opened.facts.curves:
-        raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
     with screen.busy("Reading the recording"):
         stored_trial = replaying.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):

@@ -102,7 +102,7 @@ def preview(
     if html is not None:
         from adaptsim_cli.storage import durable
 
-        durable.replace_file(html, planned.page().html().encode())
+        durable.replace_file(html, planned.html().encode())
         written = [f"Written: {html}"]
     elif not screen.as_json:
         page = planned.page()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.bench.devices.mounted import MountedTask
     from adaptsim_cli.config import Config, Resolved
-    from hw.limits import LimitCheck, LimitReport
+    from hw.limits import LimitReport, Worst
     from hw.types import Array, JointPath
     from sim.lab.preview import PathPreview
     from sim.tasks.task import Task
@@ -63,7 +63,7 @@ class PlannedMotion:
         panel = fill("bench/preview.html.j2", checks=self._by_ratio(), **words)
         return self.page().html(words["title"], panel)
 
-    def _by_ratio(self) -> list[LimitCheck]:
+    def _by_ratio(self) -> list[Worst]:
         """The limits of the task's path, the tightest first."""
         return sorted(self.reports[1].checks, key=lambda check: -check.ratio)
 

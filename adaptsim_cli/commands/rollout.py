@@ -103,7 +103,7 @@ def preview(
         from adaptsim_cli.storage import durable
 
         durable.replace_file(html, planned.html().encode())
-        written = [f"Written: {html}"]
+        written = [views.FileLine("Written", html)]
     elif not screen.as_json:
         page = planned.page()
         screen.plain(f"The motion plays at {page.url}")

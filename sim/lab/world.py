@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, create_model
@@ -335,7 +335,7 @@ def _possible(dimension: Dimension, value: float, source: str, table: str) -> No
 
 def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -> _Kind:
     """A frozen dataclass from a table, every key checked against the field's annotation."""
-    model = _check(_dataclass_model(kind, table), raw, source, table)
+    model = _check(_dataclass_model(cast("Any", kind), table), raw, source, table)
     try:
         return kind(**dict(model))
     except (ValueError, OutOfRange) as error:

@@ -268,23 +268,28 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
     """Values of `space` from a table. A missing one has its default; else, in an optional table, its middle."""
-    model = _check(_vector_model(space, table, required=required), raw, source, table)
+    types = tuple(
+        (
+            d.name,
+            (
+                int | str if d.words else int if d.scale == "integer" else float,
+                _left_out(d, float(middle), required=required),
+            ),
+        )
+        for d, middle in zip(space.dimensions, space.middle, strict=True)
+    )
+    model = _check(_model(table, types), raw, source, table)
     values = [_index(d, getattr(model, d.name), source, table) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
     return frozen_array(values)
 
 
-@cache  # a model takes 10 ms to make, and a list reads every world
-def _vector_model(space: Space, table: str, *, required: bool) -> type[BaseModel]:
-    types: dict[str, Any] = {
-        d.name: (
-            int | str if d.words else int if d.scale == "integer" else float,
-            _left_out(d, float(middle), required=required),
-        )
-        for d, middle in zip(space.dimensions, space.middle, strict=True)
-    }
-    return create_model(table, __base__=HandWritten, **types)
+@cache  # it takes 10 ms to make, and a list of worlds needs it for each of them
+def _model(table: str, types: tuple[tuple[str, tuple[Any, Any]], ...]) -> type[BaseModel]:
+    """The model of a table with these keys: (type, default) of each."""
+    named: dict[str, Any] = dict(types)
+    return create_model(table, __base__=HandWritten, **named)
 
 
 def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
@@ -335,7 +340,7 @@ def _possible(dimension: Dimension, value: float, source: str, table: str) -> No
 
 def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -> _Kind:
     """A frozen dataclass from a table, every key checked against the field's annotation."""
-    model = _check(_dataclass_model(cast("Any", kind), table), raw, source, table)
+    model = _check(_model_of(cast("Any", kind), table), raw, source, table)
     try:
         return kind(**dict(model))
     except (ValueError, OutOfRange) as error:
@@ -343,7 +348,8 @@ def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -
 
 
 @cache
-def _dataclass_model(kind: Any, table: str) -> type[BaseModel]:
+def _model_of(kind: Any, table: str) -> type[BaseModel]:
+    """The model of a table with the fields of a dataclass."""
     hints = get_type_hints(kind, include_extras=True)
     types: dict[str, Any] = {}
     for field in fields(kind):

@@ -72,7 +72,8 @@ def benchmark(
     if part is not None:
         return complete(part, f"{len(result.rows)} sessions", request.folder)
     document = page.write(result)
-    screen.print([*page.tables(result.summaries), *page.strata_tables(result.strata), f"Report: {document}"])
+    screen.print([*page.tables(result.summaries), *page.strata_tables(result.strata)])
+    screen.file("Report", document)
     more = (f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it")
     return Reply(result.as_json(), next=[more])
 

@@ -34,6 +34,7 @@ def report(
     """
     import shlex
 
+    from adaptsim_cli.screen import views
     from adaptsim_cli.session.advice import onwards
     from adaptsim_cli.session.history import results_of
     from adaptsim_cli.show.reports import Reports
@@ -50,7 +51,7 @@ def report(
         *onwards(opened.facts, results_of(opened), opened.iterations()),
     ]
     steps = [step for step in steps if step[0] != f"adaptsim report {name}"]
-    return Reply({"session": name, "report": str(path)}, [f"Report: {path}"], steps)
+    return Reply({"session": name, "report": str(path)}, [views.FileLine("Report", path)], steps)
 
 
 @command()
@@ -97,7 +98,7 @@ def compare(
         *comparison.repetitions(rows),
         *comparison.conclusions(rows),
         *comparison.disagreements(beliefs),
-        f"Page: {path}",
+        views.FileLine("Page", path),
     ]
     return Reply(data, text, [(f"xdg-open {path}", "the page, in the browser")])
 
@@ -154,14 +155,11 @@ def replay(
     import subprocess
     import sys
 
-    from adaptsim_cli.errors import UsageError
     from adaptsim_cli.session import history, replaying
     from adaptsim_cli.session.exporting import written
 
     opened = options.stored(session)
     record = history.completed(opened, trial)
-    if opened.facts.curves:
-        raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
     with screen.busy("Reading the recording"):
         stored_trial = replaying.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):

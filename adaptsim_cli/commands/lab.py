@@ -56,10 +56,11 @@ def show(
         if png is not None:
             import cv2
 
+            from adaptsim_cli.screen import views
             from adaptsim_cli.storage import durable
 
             durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
-            written = [f"Written: {png}"]
+            written = [views.FileLine("Written", png)]
     data, text = _truth(resolved, task, truth)
     session = f"adaptsim run-iteration --task {chosen.task} --world {chosen.world} --seed {chosen.seed}"
     return Reply(data, [*text, *written], [(session, "a session in this world; it never sees this table")])

@@ -76,7 +76,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
     if verdict.is_inexpressible:
         sentences.append(
             f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories are "
-            "unlike all that it predicts, whichever parameters in the ranges it has."
+            "unlike all that it predicts with parameters in its ranges."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:

@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
-from adaptsim_cli.session import recording, records
+from adaptsim_cli.session import records
 from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
@@ -126,6 +126,8 @@ class _Examination:
             raise records.corrupt(path, "it is in no record")
         if _sha256(path) != checksum:
             raise records.corrupt(path, "it was changed after it had been written: its SHA-256 is another")
+        from adaptsim_cli.session import recording  # imports OpenCV, and a list of sessions needs none
+
         recording.require_whole(path)
 
     def _record(self, kind: type[AnyRecord], path: Path) -> AnyRecord | None:

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from rich.console import RenderableType
+
 from adaptsim_cli.config import DIRECT, Config, Resolved, same_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
@@ -80,7 +82,7 @@ def run(
     screen.file("Stored", store.folder)
     with screen.busy("Drawing its page", "reporting"):
         page = draw(store)
-    text = [f"Report: {page}"]
+    text: list[RenderableType] = [views.FileLine("Report", page)]
     if request.best_of is None:
         lab = same_lab(settings.task, settings.hw, settings.world)
         return Reply(text=text, next=[(f"adaptsim run-iteration {lab}", "adapts in about twenty such trials")])

@@ -14,7 +14,7 @@ from rich.console import RenderableType
 
 from adaptsim_cli.config import DIRECT, Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
-from adaptsim_cli.screen import console
+from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
@@ -145,7 +145,7 @@ def run_session(
     words = None if ending is None else ending(store)
     results = results_of(store)
     return Reply(
-        text=[f"Report: {path}"] if words is None else [words, f"Report: {path}"],
+        text=[*([] if words is None else [words]), views.FileLine("Report", path)],
         next=after_iteration(store.facts, results[-1], answer_with) if results else (),
     )
 

@@ -115,7 +115,7 @@ def test_what_does_not_fit_is_not_stored(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_q_stops_and_nothing_is_stored(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(StoppedByOperator, match="what was known of table and tool before stays in use"):
+    with pytest.raises(StoppedByOperator, match="a touch-off that is in use stays in use"):
         by_hand(monkeypatch, lambda q: [("", q[0]), ("q", None)])
 
 

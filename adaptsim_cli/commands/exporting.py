@@ -26,28 +26,41 @@ def format_names(incomplete: str) -> list[str]:
 
 @command()
 def report(
-    screen: Screen, session: options.NewestSession = None, out: options.Out = None, force: options.Force = False
+    screen: Screen,
+    resolved: Resolved,
+    session: options.NewestSession = None,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> Reply:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
+
+    A session of an earlier format has its page too.
 
     Example: adaptsim report scooping-oreo
     """
     import shlex
 
+    from adaptsim_cli.session import folders
     from adaptsim_cli.session.advice import onwards
+    from adaptsim_cli.session.earlier import is_earlier, readable
     from adaptsim_cli.session.history import results_of
+    from adaptsim_cli.show import index
     from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
 
-    opened = options.stored(session)
+    root = resolved.places.sessions
+    name = session or folders.newest(root)
     if out is not None:
         durable.require_new(out, force=force)
-    with screen.busy("Drawing the report"):
-        path = Reports().draw(opened, out)
-    name = opened.facts.name
+    with readable(root, name) as opened:
+        with screen.busy("Drawing the report"):
+            path = Reports().draw(opened, out or root / name / index.REPORT)
+        further = onwards(opened.facts, results_of(opened), opened.iterations())
+    if is_earlier(root / name):
+        further = ((f"adaptsim sessions migrate {name}", "writes it again for the other commands of this version"),)
     steps = [
         (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
-        *onwards(opened.facts, results_of(opened), opened.iterations()),
+        *further,
     ]
     steps = [step for step in steps if step[0] != f"adaptsim report {name}"]
     return Reply({"session": name, "report": str(path)}, [f"Report: {path}"], steps)

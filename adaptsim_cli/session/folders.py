@@ -18,6 +18,8 @@ from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
+ABOUT = "about.json"
+"""A person's note."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
 SOLVER = "naf"

@@ -23,7 +23,16 @@ from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
-from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
+from adaptsim_cli.session.earlier import is_earlier
+from adaptsim_cli.session.folders import (
+    ABOUT,
+    SOLVER,
+    entries,
+    existing_folder,
+    folder_of,
+    own_files,
+    session_parts,
+)
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -52,6 +61,8 @@ def verify(root: Path, name: str) -> Verified:
     folder_of(root, name)
     try:
         store = SessionStore.open(root, name)
+        if is_earlier(store.folder):
+            raise records.earlier(f"session {name} was written by an earlier version", store.folder)
     except SessionError as error:
         return Verified(session=name, files=1, damage=(str(error),), newer_keys=())
     examination = _Examination()
@@ -167,7 +178,6 @@ def _require_trials(store: SessionStore) -> None:
                 raise records.corrupt(store.trial_folder(iteration, key), "it is missing, and a result rests on it")
 
 
-ABOUT = "about.json"
 RECORDED = (".mcap",)
 """Suffixes of the files that `prune` removes; files that a report needs stay."""
 

@@ -54,6 +54,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "sessions show": sessions.SessionShown,
     "sessions index": sessions.IndexedSessions,
     "sessions verify": sessions.VerifiedSessions,
+    "sessions migrate": sessions.MigratedSession,
     "sessions redo": sessions.Redone,
     "sessions accept": sessions.Amended,
     "sessions amend": sessions.Amended,

@@ -98,6 +98,14 @@ class VerifiedSessions(Output):
     sessions: list[Verified] = described("one each")
 
 
+class MigratedSession(Output):
+    """A session of an earlier format, written again in this version's."""
+
+    session: str = described("the session that stays as it is")
+    migrated: str = described("name of the new one")
+    folder: str = described("its folder")
+
+
 class IndexedSessions(Output):
     """The page of all sessions."""
 

@@ -145,7 +145,9 @@ def test_a_missing_session_lists_those_there_are(store):
 def test_a_disk_that_does_not_tell_capital_letters_apart_gives_a_session_one_name(store):
     root, other = store.folder.parent, store.facts.name.upper()
     (root / other).symlink_to(store.folder)  # it is there under that name, and not listed
-    with pytest.raises(SessionError, match=f"no session '{other}' .* does not tell that name from '{store.facts.name}'"):
+    with pytest.raises(
+        SessionError, match=f"no session '{other}' .* does not tell that name from '{store.facts.name}'"
+    ):
         SessionStore.open(root, other)
 
 

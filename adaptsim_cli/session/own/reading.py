@@ -216,8 +216,8 @@ def _require_rest(rest_s: float, track: ObjectTrack, task: Task) -> None:
     observation, last_s = task.observation, float(track.t_s[-1])
     if rest_s > last_s + NEAR_S:
         raise AnswerRefused(
-            f"rest_s = {rest_s:g}, and the last state is at {last_s:.4g} s: is rest_s in seconds since the start of the "
-            "motion? Report states until the object rests"
+            f"rest_s = {rest_s:g}, and the last state is at {last_s:.4g} s: is rest_s in seconds since the start of "
+            "the motion? Report states until the object rests"
         )
     later = track.state[track.t_s >= rest_s][:, list(observation.columns)]
     moved = float((np.ptp(later, axis=0) / (observation.high - observation.low)).max()) if len(later) > 1 else 0.0

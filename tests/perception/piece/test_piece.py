@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -70,12 +72,17 @@ FOOD = food("cylinder", (0.012, 0.012, 0.01))
             "2 objects lie in",
         ),
         (
+            [FOOD, moved(food("cylinder", (0.01, 0.01, 0.01)), (0.72, 0.12, 0.01))],
+            (0.68, 0.0, 0.01),
+            r"piece's colour and size lies at \(0\.7[12]\d, \+0\.1[12]\d\) m too",
+        ),
+        (
             [box("piece", (-0.035, -0.035, -0.01), (0.035, 0.035, 0.01), FOOD.rgb)],
             (0.68, 0.0, 0.01),
             "a piece measures",
         ),
     ],
-    ids=["bare table", "beside the area", "two pieces", "too large"],
+    ids=["bare table", "beside the area", "two pieces", "one beside the area", "too large"],
 )
 def test_what_is_not_one_piece_in_its_area_is_refused_with_what_lies_where(
     visuals: list[Visual], place_m: tuple[float, float, float], said: str
@@ -83,6 +90,12 @@ def test_what_is_not_one_piece_in_its_area_is_refused_with_what_lies_where(
     scene = studio(*visuals)
     with pytest.raises(ObjectNotFound, match=said):
         find_piece(scene.still(at(*place_m)), scene.model, scene.X_BC, AREA)
+
+
+def test_other_things_beside_the_area_stay_where_they_are() -> None:
+    other_colour = replace(moved(FOOD, (0.72, 0.12, 0.01)), rgb=(0.1, 0.2, 0.6))
+    scene = studio(FOOD, other_colour)
+    assert find_piece(scene.still(at(0.68, 0.0, 0.01)), scene.model, scene.X_BC, AREA).confidence > 0.8
 
 
 @pytest.mark.long

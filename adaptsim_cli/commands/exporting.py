@@ -44,7 +44,6 @@ def report(
     from adaptsim_cli.session.advice import onwards
     from adaptsim_cli.session.earlier import is_earlier, readable
     from adaptsim_cli.session.history import results_of
-    from adaptsim_cli.show import index
     from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
 
@@ -54,7 +53,7 @@ def report(
         durable.require_new(out, force=force)
     with readable(root, name) as opened:
         with screen.busy("Drawing the report"):
-            path = Reports().draw(opened, out or root / name / index.REPORT)
+            path = Reports().draw(opened, out or root / name / folders.REPORT)
         further = onwards(opened.facts, results_of(opened), opened.iterations())
     if is_earlier(root / name):
         further = ((f"adaptsim sessions migrate {name}", "writes it again for the other commands of this version"),)

@@ -20,6 +20,8 @@ from hw.plugins import did_you_mean
 FACTS = "session.toml"
 ABOUT = "about.json"
 """A person's note."""
+REPORT = "report.html"
+"""The page of a session."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
 SOLVER = "naf"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.target import Openers
 
 
 def format_names(incomplete: str) -> list[str]:
@@ -42,8 +43,8 @@ def report(
 
     from adaptsim_cli.session import folders
     from adaptsim_cli.session.advice import onwards
-    from adaptsim_cli.session.earlier import is_earlier, readable
     from adaptsim_cli.session.history import results_of
+    from adaptsim_cli.session.store import readable
     from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
 
@@ -55,7 +56,7 @@ def report(
         with screen.busy("Drawing the report"):
             path = Reports().draw(opened, out or root / name / folders.REPORT)
         further = onwards(opened.facts, results_of(opened), opened.iterations())
-    if is_earlier(root / name):
+    if opened.folder != root / name:
         further = ((f"adaptsim sessions migrate {name}", "writes it again for the other commands of this version"),)
     steps = [
         (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
@@ -226,6 +227,7 @@ def bundle(
 @command()
 def retrack(
     screen: Screen,
+    openers: Openers,
     session: options.Session,
     trial: Annotated[
         int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
@@ -235,7 +237,6 @@ def retrack(
 
     Example: adaptsim retrack scooping-oreo --trial 2
     """
-    from adaptsim_cli.bench.devices.trackers import tracker_of
     from adaptsim_cli.screen import views
     from adaptsim_cli.session import retracking
     from sim.tasks import get_task
@@ -244,7 +245,7 @@ def retrack(
     task = get_task(opened.facts.task)
     retracking.require_camera(task)
     with screen.busy("Tracking"):
-        rows = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
+        rows = tuple(retracking.retrack(opened, task, openers.tracker(task), trial))
     return Reply(
         {"session": session, "units": opened.facts.units, "trials": rows},
         [views.rows(retracking.HEAD, retracking.rows(rows), right=(0, 3, 4, 5, 6))],

@@ -18,8 +18,6 @@ from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
-ABOUT = "about.json"
-"""A person's note."""
 REPORT = "report.html"
 """The page of a session."""
 QUESTIONS = "questions"

@@ -23,16 +23,7 @@ from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
-from adaptsim_cli.session.earlier import is_earlier
-from adaptsim_cli.session.folders import (
-    ABOUT,
-    SOLVER,
-    entries,
-    existing_folder,
-    folder_of,
-    own_files,
-    session_parts,
-)
+from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -42,7 +33,7 @@ from adaptsim_cli.session.records import (
     Started,
     TrialRecord,
 )
-from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, readable
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from hw.records import AnyRecord, Record
@@ -59,18 +50,16 @@ _MARKERS: dict[str, type[Note]] = {".started.": Started, ".amended": Amendment}
 def verify(root: Path, name: str) -> Verified:
     """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
     folder_of(root, name)
+    examination = _Examination()
     try:
-        store = SessionStore.open(root, name)
-        if is_earlier(store.folder):
-            raise records.earlier(f"session {name} was written by an earlier version", store.folder)
+        with readable(root, name) as store:
+            examination.session(store)
     except SessionError as error:
         return Verified(session=name, files=1, damage=(str(error),), newer_keys=())
-    examination = _Examination()
-    examination.session(store)
     return Verified(
         session=name,
         files=examination.files,
-        damage=tuple(examination.damage),
+        damage=tuple(message.replace(str(store.folder), str(root / name)) for message in examination.damage),
         newer_keys=tuple(examination.newer_keys),
     )
 
@@ -178,6 +167,7 @@ def _require_trials(store: SessionStore) -> None:
                 raise records.corrupt(store.trial_folder(iteration, key), "it is missing, and a result rests on it")
 
 
+ABOUT = "about.json"
 RECORDED = (".mcap",)
 """Suffixes of the files that `prune` removes; files that a report needs stay."""
 

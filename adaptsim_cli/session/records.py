@@ -325,7 +325,7 @@ def to_toml(record: Record) -> bytes:
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """Read a record, of this version or a newer one of the same format. Raises SessionError naming file and defect."""
-    data = table(path, is_sealed=not is_of_first_format(path))
+    data = table(path, is_sealed=True)
     version = data.get("format", FORMAT)
     if isinstance(version, int) and version < FORMAT:
         raise earlier(f"{path} is of format {version}{_writer(data)}", path.parent)
@@ -340,15 +340,6 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         if isinstance(data.get("context"), list) and "format" not in data:
             raise earlier(f"{path} was written by an earlier version", path.parents[2]) from error
         raise corrupt(path, explained(error)) from error
-
-
-def is_of_first_format(path: Path) -> bool:
-    """Whether this is the session.toml of a session without seals: its first line says so."""
-    try:
-        with path.open("rb") as file:
-            return path.suffix == ".toml" and file.readline(20) == b"format = 1\n"
-    except OSError:
-        return False
 
 
 def earlier(sentence: str, folder: Path) -> SessionError:
@@ -367,11 +358,15 @@ def _writer(data: Mapping[str, Any]) -> str:
     return f", written by adaptsim {version}" if isinstance(version, str) else ""
 
 
+_UNSEALED = b"format = 1\n"
+"""The first line of the session.toml of a session without seals."""
+
+
 def table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
     """The table in a file, without its seal."""
     try:
         content = read_bytes(path, JSON_BYTES)
-        if is_sealed:
+        if is_sealed and not content.startswith(_UNSEALED):
             durable.require_seal(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
     except FileNotFoundError as error:

@@ -171,48 +171,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     contours, _ = cv2.findContours((share > 0.5).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     corner = np.array([view.columns.start, view.rows.start], dtype=np.float64)
     contour = max(contours, key=cv2.contourArea).reshape(-1, 2) + corner
-    found = PieceDetection(xy_m, proxy, contour, confidence, piece, table, offset_m, is_dark)
-    if (other_m := _alike(frame, model, X_BC, found)) is not None:
-        raise ObjectNotFound(
-            f"something of the piece's colour and size lies at ({other_m[0]:.3f}, {other_m[1]:+.3f}) m too, and could "
-            "be followed in its place; take it away"
-        )
-    return found
-
-
-def likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
-    """(h, w) how much each pixel looks like the piece on the table, 0 to 1."""
-    if detection.is_dark:
-        return darkness(rgb, float(np.median(brightness(rgb))))
-    return matte(rgb, detection.piece_chroma, (detection.table_chroma,))
-
-
-LEAST, MOST = 0.25, 3.0
-"""A spot of the piece's colour may be the piece if it covers so much of its area in the picture."""
-_BESIDE_M = (0.10, 0.30, 0.20)
-"""Backwards, forwards and sideways from the piece (m): where another one is searched."""
-
-
-def _alike(frame: Frame, model: CameraModel, X_BC: Array, detection: PieceDetection) -> Array | None:
-    """(2,) place on the table (m) of another spot with the piece's colour and size; None: there is none."""
-    (x, y), (back, forth, side) = detection.xy_m, _BESIDE_M
-    view = view_of(model.colour, X_BC, (x - back, x + forth, y - side, y + side), HEIGHT_M)
-    like = (likeness(frame.colour[view.rows, view.columns], detection) > _MOSTLY).astype(np.uint8)
-    place = np.rint(detection.contour_px - np.array([view.columns.start, view.rows.start])).astype(np.int32)
-    cv2.fillPoly(like, [place], 1)
-    own = tuple(place[0])
-    count, labels, stats, centroids = cv2.connectedComponentsWithStats(like, connectivity=8)
-    height, width = like.shape
-    for label in range(1, count):
-        left, top, w, h, size = stats[label]
-        touches = left == 0 or top == 0 or left + w == width or top + h == height
-        if touches or label == labels[own[1], own[0]]:
-            continue
-        if LEAST <= size / cv2.contourArea(detection.contour_px.astype(np.float32)) <= MOST:
-            u, v = np.rint(centroids[label]).astype(int)
-            ray = np.array([[*(view.xy[v, u].astype(np.float64) / view.focal_px), 1.0]])
-            return np.asarray(on_plane(ray, view.X_BV, detection.centre_m[2])[0])
-    return None
+    return PieceDetection(xy_m, proxy, contour, confidence, piece, table, offset_m, is_dark)
 
 
 @dataclass(frozen=True, eq=False)

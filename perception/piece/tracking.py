@@ -13,16 +13,8 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import ToolMask
 from perception.errors import TrackingFailed
-from perception.geometry import Area, on_plane, transform, view_of
-from perception.piece.detection import (
-    HEIGHT_M,
-    LEAST,
-    MOST,
-    PieceDetection,
-    depth_window,
-    likeness,
-    table_offset,
-)
+from perception.geometry import Area, Array32, on_plane, transform, view_of
+from perception.piece.detection import HEIGHT_M, PieceDetection, brightness, darkness, depth_window, matte, table_offset
 from perception.piece.follow import TrackingSetup, follow
 from perception.piece.locate import PieceFix
 from perception.piece.proxy import Proxy
@@ -93,6 +85,7 @@ def _doubts(inside_m: float, above_m: float, lift_m: float, on_blade: bool) -> t
 
 
 _BACK_M, _FORTH_M, _SIDE_M = 0.25, 0.50, 0.30  # search area around the piece's first place: as far as it may roll
+_LEAST, _MOST = 0.25, 3.0  # of its earlier area in pixels
 _NEW = 0.5
 _RIM_PX = 5
 
@@ -115,11 +108,18 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
         return None
     largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     size = stats[largest, cv2.CC_STAT_AREA] / cv2.contourArea(detection.contour_px.astype(np.float32))
-    if not LEAST <= size <= MOST:
+    if not _LEAST <= size <= _MOST:
         return None
     u, v = np.rint(centroids[largest]).astype(int)
     ray = np.array([[*(view.xy[v, u].astype(np.float64) / view.focal_px), 1.0]])
     return np.asarray(on_plane(ray, view.X_BV, detection.centre_m[2])[0])
+
+
+def likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
+    """(h, w) how much each pixel looks like the piece on the table, 0 to 1."""
+    if detection.is_dark:
+        return darkness(rgb, float(np.median(brightness(rgb))))
+    return matte(rgb, detection.piece_chroma, (detection.table_chroma,))
 
 
 BEFORE_S = 0.05

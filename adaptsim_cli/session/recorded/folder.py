@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.session.earlier import readable
 from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.recorded.datasets import of_lerobot, of_robomimic
@@ -28,6 +27,7 @@ from adaptsim_cli.session.recorded.manifest import (
 )
 from adaptsim_cli.session.recorded.messages import of_mcap
 from adaptsim_cli.session.recorded.tables import numbers, read_columns, require_columns
+from adaptsim_cli.session.store import readable
 from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_sound
 

@@ -12,7 +12,7 @@ import pytest
 
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import earlier, keeping, recording
+from adaptsim_cli.session import earlier, keeping
 from adaptsim_cli.session.history import particles_of, played_of, results_of
 from adaptsim_cli.session.recorded.folder import read_recorded
 from adaptsim_cli.session.store import SessionStore
@@ -29,7 +29,7 @@ every_format = pytest.mark.parametrize("name", FORMATS)
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of a user's sessions, with one of each earlier format."""
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    shutil.copytree(DATA, root := tmp_path / "data" / "sessions", ignore=shutil.ignore_patterns("*.md", "*.mcap"))
+    shutil.copytree(DATA, root := tmp_path / "data" / "sessions", ignore=shutil.ignore_patterns("*.md"))
     return root
 
 
@@ -52,8 +52,9 @@ def test_a_command_that_cannot_read_it_names_the_command_that_can(
     said = " ".join(capfd.readouterr().err.split())
     assert f"`adaptsim sessions migrate {name}`" in said
     assert name == "format-4" or "of format " + name[-1] + ", written by adaptsim 0." in said
-    assert app.run(["sessions", "verify", name]) == 8
-    assert "redo" not in capfd.readouterr().err
+    capfd.readouterr()
+    assert app.run(["sessions", "verify", name]) == 0
+    assert "none" in capfd.readouterr().out
 
 
 @every_format
@@ -117,10 +118,3 @@ def test_a_damaged_session_of_an_earlier_format_is_not_migrated(root: Path) -> N
         earlier.migrate(root, "format-3", "new")
     assert not (root / "new").exists()
     assert not list(root.glob(".new*"))
-
-
-def test_a_recording_with_depth_as_png_is_read() -> None:
-    stored = recording.read(DATA / recording.FILE)
-    assert len(stored.frames) == 2
-    assert all(frame.depth_mm.any() and frame.depth_mm.dtype == np.uint16 for frame in stored.frames)
-    assert stored.execution.q_measured_rad.shape == (201, 7)

@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/index/verify/mark/delete/prune/redo/accept/amend/policy`."""
+"""`adaptsim sessions list/show/index/verify/migrate/mark/delete/prune/redo/accept/amend/policy`."""
 
 from __future__ import annotations
 
@@ -143,6 +143,32 @@ def verify(
     again = " A trial can be done again: adaptsim sessions redo NAME TRIAL" if is_open else ""
     failure = SessionError(f"{damage[0]}.{others}{again}")
     return Reply(data, [terminal_views.verified(checked)], failure=failure)
+
+
+@app.command()
+@command()
+def migrate(
+    screen: Screen,
+    resolved: Resolved,
+    name: options.Session,
+    new_name: Annotated[
+        str | None, typer.Option("--as", help="Name of the new session; default: NAME with -migrated.")
+    ] = None,
+) -> Reply:
+    """Write a session of an earlier format again, so that every command can use it. The old one stays as it is.
+
+    `report` and `--recorded` read it as it is. The log and the pages of the old one are not copied.
+
+    Example: adaptsim sessions migrate scooping-oreo
+    """
+    from adaptsim_cli.session import earlier
+
+    root, new_name = resolved.places.sessions, new_name or f"{name}-migrated"
+    with screen.busy(f"Writing {new_name}"):
+        folder = earlier.migrate(root, name, new_name)
+    data = {"session": name, "migrated": new_name, "folder": str(folder)}
+    step = (f"adaptsim sessions verify {new_name}", "compares every file with its checksum")
+    return Reply(data, [f"Session {name}, written again: {folder}"], [step])
 
 
 @app.command()

@@ -18,6 +18,8 @@ from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
+REPORT = "report.html"
+"""The page of a session."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
 SOLVER = "naf"
@@ -41,6 +43,12 @@ def existing_folder(root: Path, name: str) -> Path:
         listing = ", ".join(names(root)) or "none yet"
         near = did_you_mean(name, names(root))
         raise SessionError(f"there is no session {name!r} in {root}; sessions: {listing}{near}")
+    alike = [entry.name for entry in entries(root) if entry.name.casefold() == name.casefold()]
+    if alike and name not in alike:
+        raise SessionError(
+            f"there is no session {name!r} in {root}, and its disk does not tell that name from {alike[0]!r}: use "
+            f"{alike[0]}, or a name that differs by more than capital letters"
+        )
     return folder
 
 

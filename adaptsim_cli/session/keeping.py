@@ -33,7 +33,7 @@ from adaptsim_cli.session.records import (
     Started,
     TrialRecord,
 )
-from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, readable
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from hw.records import AnyRecord, Record
@@ -50,16 +50,16 @@ _MARKERS: dict[str, type[Note]] = {".started.": Started, ".amended": Amendment}
 def verify(root: Path, name: str) -> Verified:
     """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
     folder_of(root, name)
+    examination = _Examination()
     try:
-        store = SessionStore.open(root, name)
+        with readable(root, name) as store:
+            examination.session(store)
     except SessionError as error:
         return Verified(session=name, files=1, damage=(str(error),), newer_keys=())
-    examination = _Examination()
-    examination.session(store)
     return Verified(
         session=name,
         files=examination.files,
-        damage=tuple(examination.damage),
+        damage=tuple(message.replace(str(store.folder), str(root / name)) for message in examination.damage),
         newer_keys=tuple(examination.newer_keys),
     )
 

@@ -6,8 +6,9 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 
 from adaptsim_cli.bench.facts import RigFacts
@@ -346,3 +347,13 @@ def _sha256(content: bytes) -> str:
 
 def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
     return {name: _sha256(content) for name, content in files.items()}
+
+
+def readable(root: Path, name: str) -> AbstractContextManager[SessionStore]:
+    """The session `name` of any format, for reading alone. One of an earlier format is read from a copy elsewhere.
+
+    Raises SessionError, UsageError.
+    """
+    migration = import_module("adaptsim_cli.session.earlier")  # on first use: sessions of this format need none of it
+    store: AbstractContextManager[SessionStore] = migration.readable(root, name)
+    return store

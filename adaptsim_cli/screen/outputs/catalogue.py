@@ -220,6 +220,12 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "sessions verify": printed(
         "Sessions that were read from end to end.", sessions=(list[sessions.Verified], "one each")
     ),
+    "sessions migrate": printed(
+        "A session of an earlier format, written again in this version's.",
+        session=(str, "the session that stays as it is"),
+        migrated=(str, "name of the new one"),
+        folder=FOLDER,
+    ),
     "sessions redo": printed(
         "A trial that will be done again.",
         session=SESSION,

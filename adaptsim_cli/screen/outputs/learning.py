@@ -194,7 +194,7 @@ class BenchmarkOutput(Output):
     held_out: float | None = optional("fraction of the recorded trials held out for scoring")
     checkpoints: Any = described("checkpoints of the methods")
     targets: list[str] = described("worlds")
-    seeds: int = described("sessions a world and method")
+    seeds: int = described("sessions per world and method")
     left_out: dict[str, str] = described("methods that these checkpoints do not hold, and why")
     rows: list[dict[str, Any]] = described("one for a method, a world and a seed")
     summary: list[dict[str, Any]] = described("one for a set of worlds")

@@ -89,7 +89,7 @@ def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
     if not others:
         return told
     best = max(others, key=lambda name: float(np.mean([row[name] for row in rows])))
-    return f"{told} The best other method is `{best}`; `adaptsim` minus it is {_gain(rows, 'adaptsim', best)}, paired."
+    return f"{told} The best other method is `{best}`; the paired difference to it is {_gain(rows, 'adaptsim', best)}."
 
 
 def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
@@ -107,8 +107,12 @@ def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
         "joint": np.median(off_m, axis=0).min(),
         "apart": np.median(apart_m),
     }
-    right = "So the silence is right: these tosses cannot tell a wrong simulator from a coarse grid."
-    wrong = "So the silence is **wrong**: neighbouring points differ by less than what the best one leaves."
+    right = (
+        "So it is right to say nothing, because these tosses cannot distinguish a wrong simulator from a coarse grid."
+    )
+    wrong = (
+        "So it is **wrong** to say nothing, because neighbouring points differ by less than the error of the best one."
+    )
     values = {f"{name}_mm": f"{1e3 * value:.0f}" for name, value in medians_m.items()}
     return values | {"right": right if medians_m["joint"] <= medians_m["apart"] else wrong}
 

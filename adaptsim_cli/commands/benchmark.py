@@ -104,6 +104,6 @@ def world_tables(
             files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
             return complete(part, f"{files} files of tables", tables_folder(resolved))
         tables = make_tables(resolved, targets, rollouts, crew, progress)
-    screen.plain(f"{len(tables)} tables of {task}: {tables_folder(resolved)}")
+    screen.plain(f"Tables of {task} for {len(tables)} world{'s' * (len(tables) != 1)}: {tables_folder(resolved)}")
     step = (f"adaptsim benchmark --task {task} --targets {targets}", "compares methods in these worlds")
     return Reply({"task": task, "tables": tables}, next=[step])

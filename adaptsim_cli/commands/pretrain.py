@@ -61,7 +61,8 @@ def pretrain(
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
-    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one.
+    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one. Of a task that
+    trains its policies, it first trains a part of these, and run once more it simulates a part of the grid.
 
     With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
 
@@ -84,9 +85,9 @@ def pretrain(
     with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         if part is not None:
             if pretraining.pretrain_share(request, part, crew, progress):
-                return complete(part, "its part of the dataset", request.folder)
-            even = f"Share {part} of the even part is complete in {request.folder}"
-            return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
+                return complete(part, "its part of the rollouts", request.folder)
+            first = f"Share {part} of the first part is complete in {request.folder}"
+            return Reply(text=[first, "Once all shares are, the same command simulates this share of the second part."])
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")

@@ -22,8 +22,8 @@ REPORT = "report.html"
 """The page of a session."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
-SOLVER = "naf"
-"""The folder of a solver's own files."""
+SOLVER, FORMER_SOLVER = "solver", "naf"
+"""The folder of a solver's own files, now and in sessions of earlier versions."""
 
 _ITERATION = re.compile(r"iteration-(\d+)")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -114,8 +114,14 @@ def session_parts(folder: Path) -> SessionFolders:
     folders = [entry for entry in entries(folder) if entry.is_dir()]
     numbered = {int(match[1]) - 1: entry for entry in folders if (match := _ITERATION.fullmatch(entry.name))}
     named = {entry.name: entry for entry in folders if not _ITERATION.fullmatch(entry.name)}
-    questions, solver = named.pop(QUESTIONS, None), named.pop(SOLVER, None)
+    questions, solver = named.pop(QUESTIONS, None), named.pop(solver_folder(folder).name, None)
     return SessionFolders(dict(sorted(numbered.items())), questions, solver, tuple(named.values()))
+
+
+def solver_folder(folder: Path) -> Path:
+    """The folder of the solver's own files in that of a session."""
+    former = folder / FORMER_SOLVER
+    return former if former.is_dir() else folder / SOLVER
 
 
 def entries(folder: Path) -> list[Path]:

@@ -23,7 +23,7 @@ from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import records
-from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
+from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files, session_parts, solver_folder
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -270,9 +270,9 @@ def bundle(
     and not `force`, SessionError, DiskFull.
     """
     durable.require_new(out, force=force)
-    chosen, left_out = list[Path](), 0
+    chosen, left_out, solver = list[Path](), 0, solver_folder(folder)
     for path in own_files(folder):
-        if path.relative_to(folder).parts[0] == SOLVER:
+        if path.is_relative_to(solver):
             continue
         if path.suffix in TEXT or pictures:
             chosen.append(path)

@@ -19,7 +19,7 @@ from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
-from adaptsim_cli.session.advice import after_iteration, go_on_with
+from adaptsim_cli.session.advice import after_iteration, answering_flags, go_on_with
 from adaptsim_cli.session.beginning import NO_CONSENT, begin
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
@@ -121,8 +121,8 @@ def run_session(
             thread.submit(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         also = (AnswerRefused, MomentsMissing)
-        answer_with = config.answer_with if "answer_with" in request.flag_keys else ""
-        stack.enter_context(how_to_continue(f"Continue with: {go_on_with(name, answer_with)}", also=also))
+        answering = answering_flags(config) if "answer_with" in request.flag_keys else ""
+        stack.enter_context(how_to_continue(f"Continue with: {go_on_with(name, answering)}", also=also))
         most = request.iterations or parts.task.adaptation.horizon
         verdict = at_the_verdict if request.until_done else asked_at_the_verdict(most)
         rules = (after_iterations(most), *request.rules, verdict)
@@ -146,7 +146,7 @@ def run_session(
     results = results_of(store)
     return Reply(
         text=[*([] if words is None else [words]), views.FileLine("Report", path)],
-        next=after_iteration(store.facts, results[-1], answer_with) if results else (),
+        next=after_iteration(store.facts, results[-1], answering) if results else (),
     )
 
 
@@ -301,7 +301,7 @@ def _opened(
 
     def opened() -> SessionParts:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            return stack.enter_context(open_parts(config, folder / folders.SOLVER))
+            return stack.enter_context(open_parts(config, folders.solver_folder(folder)))
 
     parts = opened()
     if parts.rollouts is not None:

@@ -3,10 +3,10 @@
     python benchmarks/forecasts.py --task pendulum --targets drawn
     python benchmarks/forecasts.py --task scooping --targets foods     needs the worlds' tables (adaptsim world-tables)
 
-In each world one session of the default method runs to its end, and is compared with the forecast beside the
-checkpoint (`adaptsim checkpoints trials`). Pairs with UDR go on with the final policy until a gain is shown. Then the
-same session runs with answers that belong to other actions: there the verdict has to say that the predictions say
-nothing. Sessions are kept in `--out`; the same command goes on.
+In each world one session of the default method runs to its end, and is compared with the forecast beside the checkpoint
+(`adaptsim checkpoints trials`). Pairs with UDR continue with the final policy until a gain is shown. Then the same
+session runs with answers that belong to other actions: there the verdict has to say that the predictions say nothing.
+Sessions are stored in `--out`; the same command continues.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Course:
 
 
 def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wired: bool) -> Course:
-    """Play a session; `wired`: the outcomes are those of the actions, else of random ones."""
+    """Run a session; with `wired` the outcomes are those of its actions, otherwise those of random ones."""
     task, rng = checkpoint.solver.task, np.random.default_rng((seed, 1))
     udr = udr_policies(checkpoint.solver, np.random.default_rng((seed, 2)))[0]
     others = np.random.default_rng((seed, 3, zlib.crc32(world.encode())))
@@ -95,7 +95,7 @@ def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired:
 
 
 def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str, float, int, int]]:
-    """(until, at most, share said, sessions that held it, sessions)."""
+    """(event, at most, predicted share, sessions in which it was true, sessions)."""
     lines = []
     for until, said, counts in (
         ("first success", forecast.first_success, [c.first_success for c in courses]),
@@ -112,7 +112,7 @@ def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str
 
 
 def is_near(one: Course, difference: float) -> bool:
-    """Whether the row of the forecast for `difference` stands for the world."""
+    """Whether the row of the forecast for `difference` applies to the world."""
     low, high = NEAR[difference]
     return low <= one.gain < high
 

@@ -1,4 +1,4 @@
-"""How far two halves of the same views put a camera apart, beside a plain bundle adjustment over pixels.
+"""How far apart two halves of the same views place a camera, compared with a plain bundle adjustment over pixels.
 
     python benchmarks/repeatability.py [--seeds 3]
 

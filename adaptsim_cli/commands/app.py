@@ -134,7 +134,7 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         ),
         "schema": CommandRow(
             "config:schema",
-            "Print the JSON schema of what a command prints with --json: names, types, units, meanings.",
+            "Print the JSON schema of the output of a command with --json: names, types, units, meanings.",
         ),
     },
 }

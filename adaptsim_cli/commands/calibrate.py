@@ -28,7 +28,7 @@ def calibrate(
     screen: Screen,
     resolved: Resolved,
     guide: _Guide = False,
-    views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
+    views: Annotated[int, typer.Option("--views", min=12, max=100, help="Number of places that the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: options.Yes = False,
 ) -> Reply:
@@ -141,7 +141,7 @@ def solve(
 @command()
 def together(
     screen: Screen,
-    folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
+    folders: Annotated[list[Path], typer.Argument(help="A folder of views per camera; docs/guide/foreign-views.md.")],
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
         list[str] | None,
@@ -150,7 +150,7 @@ def together(
 ) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
-    Judged by the gates of one camera; a result that fails is written, and the command ends with an error.
+    The limits are those of one camera. A result beyond a limit is written, and the command ends with an error.
 
     Views with the same name must show the same posture of the arm.
 
@@ -176,7 +176,7 @@ def overlay(
 ) -> Reply:
     """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
 
-    Also measures how far the hand's outline lies off what moves in the pictures.
+    Also measures the distance of the hand's outline from the moving region of the pictures.
 
     Example: adaptsim calibrate overlay my-views
     """

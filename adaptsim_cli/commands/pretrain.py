@@ -51,20 +51,20 @@ def pretrain(
         bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
     ] = False,
     evaluate: Annotated[
-        bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
+        bool, typer.Option("--evaluate", help="Score sessions of the methods on unseen targets, by true rollouts.")
     ] = False,
 ) -> Reply:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the rewards, write a checkpoint.
 
-    The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
-    both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
+    The method adaptsim needs nothing else. --methods adds the paper's adaptation policies, and --evaluate scores all
+    methods; both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
     --share K/N simulates a part of the dataset: first its even part, and run once more the denser one. Of a task that
     trains its policies, it first trains a part of these, and run once more it simulates a part of the grid.
 
-    With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
+    With --targets wide, the targets for learning and for scores may lie beyond the paper's ranges.
 
     Example: adaptsim pretrain --task scooping --budget small
     """
@@ -78,7 +78,7 @@ def pretrain(
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
     if judged is not None and not evaluate:
-        raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
+        raise UsageError("--judged sets the number of targets on which the methods are scored: add --evaluate")
     part = share_of(share, screen)
     sizes = pretraining.RequestedSizes(rollouts, denser, episodes, judged)
     request = pretraining.checked(resolved, out, budget, targets, sizes)

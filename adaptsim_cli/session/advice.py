@@ -43,14 +43,14 @@ def check_first(task: str, hw: str, calibration: str) -> str:
     if calibration:
         return RIG_FIRST
     if is_own(hw):
-        return "the columns, units and clocks of what your robot reports"
+        return "the columns, units and clocks of your robot's reports"
     return f"the ranges and the reward of the task {task}"
 
 
 def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: str = "") -> str:
     """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen.
 
-    `first` is what to check if no action works (`check_first`); empty: on a rig.
+    `first` names the things to check if no action works (`check_first`); empty: those of a rig.
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
@@ -88,7 +88,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 
 def _worth(verdict: Verdict) -> str:
-    """The worth of another iteration, for a method with a forecast."""
+    """The expected gain of another iteration, for a method with a forecast."""
     if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; no trial has confirmed it yet, and the next iteration tries it"
     if verdict.kind is Kind.ENOUGH:
@@ -237,7 +237,7 @@ def after_iteration(facts: SessionFacts, result: ResultRecord, answering: str = 
 
 
 def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
-    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    """The next commands for a stored session with this many begun `iterations`; none for a rollout."""
     if facts.method == ROLLOUT:
         return ()
     if results and results[-1].iteration == iterations:

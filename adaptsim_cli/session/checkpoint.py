@@ -58,7 +58,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
 
 def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoint:
-    """What stands for the checkpoint of a session with the direct solver, which keeps its rollouts in `folder`.
+    """The replacement of the checkpoint in a session with the direct solver, which keeps its rollouts in `folder`.
 
     Raises UsageError for a task that trains its policies.
     """
@@ -89,7 +89,7 @@ def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoin
 
 @contextmanager
 def checkpoint_in_session(settings: Config, folder: Path) -> Iterator[Checkpoint]:
-    """The checkpoint of the settings; for the direct solver what stands for it, with the processes that simulate.
+    """The checkpoint of the settings, or its replacement for the direct solver, with the processes that simulate.
 
     `folder` keeps its rollouts. Raises as `checkpoint_of`.
     """

@@ -127,7 +127,7 @@ def solver_folder(folder: Path) -> Path:
 def entries(folder: Path) -> list[Path]:
     """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
 
-    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
+    Links are not followed and pipes are not opened, because files elsewhere are not part of a session.
     """
     try:
         with os.scandir(folder) as scan:

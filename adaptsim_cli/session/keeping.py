@@ -264,7 +264,7 @@ def bundle(
     folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False, force: bool = False
 ) -> tuple[tuple[str, ...], int]:
     """Write the archive `out` (.zip) of the session in `folder`, damaged or not -> its files, and how many were left
-    out because they hold pictures.
+    out because they contain pictures.
 
     Folder names above the session are left out too, because they may name a person. Raises UsageError if `out` exists
     and not `force`, SessionError, DiskFull.

@@ -1,4 +1,4 @@
-"""A rollout from its settings to its reply: which policy acts where, the parts, the trials, the printed result."""
+"""A rollout from its settings to its reply: the policy and its contexts, the parts, the trials, the printed result."""
 
 from __future__ import annotations
 

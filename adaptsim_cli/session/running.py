@@ -86,7 +86,7 @@ def run_session(
     open_view: OpenView = terminal_alone,
     ending: Ending | None = None,
 ) -> Reply:
-    """Run the iterations; `draw` makes the report beside the session after each. JSON is printed as they end.
+    """Run the iterations; after each, `draw` makes the report in the background. JSON is printed as they end.
 
     It ends by the rules of the request, with the report of all that is stored. The reply has the words of `ending` and
     the report.
@@ -197,8 +197,8 @@ def _meant(root: Path, config: Config, request: SessionRequest) -> str:
 
 
 def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved, earlier: SessionStore | None) -> None:
-    """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's,
-    and whether a program that a file of the current folder names may run.
+    """Name the keys that a newer version wrote into an existing session. Ask whether a new session is meant if its name
+    is like another's, and whether a program that a file of the current folder names may run.
 
     Raises StoppedByOperator if not, UsageError if nobody can be asked about that program.
     """
@@ -295,8 +295,8 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 def _opened(
     open_parts: OpenSessionParts, config: Config, folder: Path, screen: Screen, stack: ExitStack, *, begun: bool
 ) -> SessionParts:
-    """The connected parts of a session; one that was `begun` has its missing policies trained, and a new one hears
-    what its checkpoint is worth.
+    """The connected parts of a session; one that was `begun` has its missing policies trained, and for a new one the
+    quality of its checkpoint is shown.
     """
 
     def opened() -> SessionParts:

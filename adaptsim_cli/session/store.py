@@ -46,7 +46,7 @@ _CHANGES: dict[str, type[Note]] = {"restored": Note, "amended": Amendment}
 
 @dataclass(frozen=True)
 class Change:
-    """An operator's change of judgement: an attempt rejected or restored, or an outcome amended."""
+    """A change by the operator: an attempt rejected or restored, or an outcome amended."""
 
     key: TrialKey
     note: Note
@@ -86,7 +86,7 @@ class SessionStore:
         return cls(folder, facts, records.read(SessionStart, folder / START), begun_as=begun_as)
 
     def until(self, iterations: int) -> SessionStore:
-        """The first `iterations` alone, which stay as they are while the session goes on."""
+        """Only the first `iterations`, which stay as they are while the session continues."""
         return replace(self, _most=iterations)
 
     def additions(self) -> tuple[str, ...]:
@@ -190,7 +190,9 @@ class SessionStore:
                     yield records.read(RigFacts, entry / records.RIG)
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
-        """The completed trials of an iteration that count, in order; without control trials, which teach nothing."""
+        """The completed trials of an iteration that count, in order; without control trials, from which nothing is
+        learnt.
+        """
         return tuple(trial for trial in self.played(iteration) if trial.role is not Role.CONTROL)
 
     def played(self, iteration: int) -> tuple[TrialRecord, ...]:

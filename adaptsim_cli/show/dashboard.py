@@ -66,7 +66,7 @@ class Dashboard:
             return None
 
     def _row(self, root: Path, name: str) -> IndexedSession | str:
-        """The row of a session, or why it has none; read again once its files have changed."""
+        """The row of a session, or the reason why it has none; read again once its files have changed."""
         version = _version(root / name)
         with self._lock:
             row_and_version = self._rows.get(name)

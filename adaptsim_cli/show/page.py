@@ -93,9 +93,8 @@ def write(
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
-    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the
-    rewards of trials that the best policy of the session has made since; `truth` is what a simulated session could
-    not see.
+    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the rewards
+    of trials that the best policy of the session has made since; `truth` has the hidden values of a simulated world.
     """
     path = out if out is not None else store.folder / REPORT
     durable.make_folder(path.absolute().parent)
@@ -203,7 +202,7 @@ def both(draw: Callable[[float], str]) -> str:
 
 
 def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
-    """What UDR earns: by the truth of a simulated world, else as a session measured it; None: not known."""
+    """The reward of UDR: by the truth of a simulated world, or as a session measured it; None: not known."""
     if facts.method == "udr":
         return None
     if truth is not None:

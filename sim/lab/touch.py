@@ -66,7 +66,7 @@ class TouchLab:
     def set_down(self, where: SetDown, number: int) -> None:
         """The simulated person guides the tool to a set-down of the given number, as exactly as a hand can.
 
-        Raises SimError out of reach.
+        Raises SimError if the place is out of reach.
         """
         self._guided += 1
         rng = guided_stream(self._seed, self._guided)

@@ -1,4 +1,4 @@
-"""A simulator that is a program of its own: one JSON object in, one out, as a robot of one's own answers."""
+"""A simulator that is a program. It reads a JSON object and prints one, like the program of your own robot."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def program(command: str, *, keep: bool | None = None, limit_s: float = 600.0) -
 
     It gets one line on stdin, `{"parameters": {...}, "context": {...}, "action": {...}}`, and prints an object with
     `t_s` (N numbers) and `state` (N rows), or with `error`. It runs in the folder of the task's file. A program that
-    answers and stays is asked again; one that reads its input to the end runs once for each rollout. `keep` says which
-    of the two it is, if that is known. Raises TaskError if it fails, or is silent for `limit_s`.
+    answers and stays is asked again; one that reads its input to the end runs once for each rollout. `keep` states
+    which of the two it is, if that is known. Raises TaskError if it fails, or is silent for `limit_s`.
     """
     try:
         words = shlex.split(command)
@@ -181,7 +181,7 @@ class _Running:
             raise self._failed() from error
 
     def close_input(self) -> None:
-        """Say that there are no more questions."""
+        """Tell the program that there are no more questions."""
         assert self.process.stdin is not None
         self.process.stdin.close()
 

@@ -77,7 +77,7 @@ def indexed(part: str, where: str) -> tuple[str, tuple[int, ...]]:
     """`friction[0]` as name and indices. Raises TaskError."""
     match = _PART.match(part)
     if match is None:
-        raise TaskError(f"{where}: {part!r} is no attribute; write a name, or a name with an index as friction[0]")
+        raise TaskError(f"{where}: {part!r} is not an attribute; write a name, or a name with an index as friction[0]")
     return match[1], tuple(int(i) for i in re.findall(r"\d+", match[2]))
 
 

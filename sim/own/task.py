@@ -111,7 +111,7 @@ def task(
     `outcomes` maps words to conditions on the end. The README of "Your own simulator" shows each
     (docs/guide/own-simulator.md).
 
-    Raises TaskError naming the argument, its value and what is right.
+    Raises TaskError naming the argument, its value and the right one.
     """
     arguments = dict(locals())
 

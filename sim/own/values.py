@@ -75,7 +75,7 @@ class NamedStates(np.ndarray):
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A function of a task of a file: another process finds it again in the same content of the file."""
+    """A function of a task in a file, which another process finds again in the same content of the file."""
 
     function: Callable[..., Any]
     file: TaskFile | None

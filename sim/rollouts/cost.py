@@ -1,4 +1,4 @@
-"""The time that rollouts take on this computer, said before they begin."""
+"""The time that rollouts take on this computer, which is stated before they begin."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RolloutCost:
         return self.seconds >= SLOW_S
 
     def in_words(self, rollouts: int, processes: int = 0) -> str:
-        """How long so many rollouts take on this computer, for a person."""
+        """The time for this number of rollouts on this computer, in words."""
         cores = processes or usable_cores()
         total = self.seconds * rollouts / cores
         sooner = ", sooner if the error stops falling" if self.is_slow else ""

@@ -112,7 +112,7 @@ def trained_within(
 ) -> Member | None:
     """The policy for parameters (p,), trained in a process of its own and stored as `folder`; None after `limit_s`.
 
-    A training that was stopped once leaves a note, and is not begun again. `waiting` gets the seconds so far. Raises
+    A note is kept of a training that was stopped, and it is not begun again. `waiting` gets the seconds so far. Raises
     TaskError if the training fails.
     """
     note = folder.with_name(f"{folder.name}.stopped")

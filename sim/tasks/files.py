@@ -57,7 +57,7 @@ def chosen(text: str) -> Task:
 
 
 def register(text: str) -> Task:
-    """The same as `chosen`, and its name finds it from now on. Raises TaskError, UnknownName."""
+    """The same as `chosen`; from now on the task can also be found by its name. Raises TaskError, UnknownName."""
     task = chosen(text)
     assert task.file is not None, "a task of a file"
     entry, place = Registered(task.file.path, task.file.sha256, tuple(task.worlds)), _folder() / f"{task.name}.toml"
@@ -119,9 +119,9 @@ def caller_line(path: str) -> int | None:
 
 
 def confine(path: str) -> None:
-    """From now on code of the file can neither end nor double this process. A TaskError names the line that tries to.
+    """From now on, code of the file can neither end nor fork this process. A TaskError names the line that tries to.
 
-    Code of others is not concerned.
+    Code of other files is not affected.
     """
     _guard()
     _confined().add(path)
@@ -209,7 +209,7 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
 
 
 def _module(path: Path, digest: str) -> ModuleType:
-    """An empty module for a file. What it prints goes to stderr with its line, because stdout may carry JSON."""
+    """An empty module for a file. The file's output goes to stderr with its line, because stdout may carry JSON."""
     spec = spec_from_loader(f"adaptsim_task_{path.stem}_{digest[:12]}", loader=None, origin=str(path))
     assert spec is not None
     module = module_from_spec(spec)

@@ -1,6 +1,6 @@
 """The training of a policy into a folder, and its loading.
 
-Nothing is unpickled. What `train` returns decides the files: arrays become `policy.npz`, a torch module becomes
+Nothing is unpickled. The return value of `train` decides the files: arrays become `policy.npz`, a torch module becomes
 `policy.safetensors` (its state), and `None` means that `train` has written files of its own into the folder.
 """
 
@@ -84,7 +84,7 @@ def read_member(folder: Path) -> Member:
 
 
 def load_policy(task: Task, member: Member) -> Any:
-    """The policy as `simulate` takes it. Raises TaskError if the task's `load` fails, CheckpointError."""
+    """The policy as `simulate` takes it. Raises CheckpointError; TaskError if the task's `load` fails."""
     assert task.training is not None
     folder, load = member.folder, task.training.load
     stored: Any = folder
@@ -173,7 +173,7 @@ def _arrays(path: Path) -> Any:
 
 
 def _digest(folder: Path) -> str:
-    """Of the names and contents of all files but `POLICY`."""
+    """A digest of the names and contents of all files except `POLICY`."""
     total = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and p != folder / POLICY):
         total.update(str(path.relative_to(folder)).encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())

@@ -47,7 +47,7 @@ def _table(content: bytes) -> Mapping[str, Any]:
     try:
         text = content.decode("utf-8-sig").strip()
     except UnicodeDecodeError as error:
-        raise AnswerRefused(f"it is no text in UTF-8 (byte {error.start}): print one JSON object") from error
+        raise AnswerRefused(f"it is not text in UTF-8 (byte {error.start}): print one JSON object") from error
     if not text:
         raise AnswerRefused("it is empty: print one JSON object, at the end of the output")
     for part in (text, text.splitlines()[-1]):
@@ -82,7 +82,7 @@ def _require_one_kind(answer: Answer, question: Question) -> None:
     if answer.rejected is not None or answer.impossible is not None:
         if answer.rejected is not None and answer.impossible is not None:
             raise AnswerRefused(
-                "it says both rejected and impossible: rejected asks for the same again, impossible for another action"
+                "it says both rejected and impossible: rejected repeats the trial, impossible asks for another action"
             )
         if not (answer.rejected or answer.impossible or "").strip():
             raise AnswerRefused("it rejects the trial without a reason: write one sentence")
@@ -182,7 +182,7 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         return np.array([after_s if answer.rest_s is None else answer.rest_s]), np.array([answer.end])
     times, rows = answer.t_s or (), answer.state or ()
     if len(times) != len(rows):
-        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: there must be one row a time")
+        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: give one row for each time")
     if len(times) < 2:
         raise AnswerRefused(f"the trajectory has {len(times)} states, and needs two: to report the end alone, give end")
     wrong = next((i for i, row in enumerate(rows) if len(row) != len(columns)), None)

@@ -1,5 +1,5 @@
-"""A folder of recorded trials: CSV or Parquet tables, MCAP files of ROS 2 messages that others wrote (one a trial), or
-sessions of this program; and its digest.
+"""A folder of recorded trials: CSV or Parquet tables, MCAP files of ROS 2 messages that others wrote (one per trial),
+or sessions of this program; and its digest.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def read_recorded(task: Task, folder: Path) -> RecordedTrials:
 
 
 def compared(trials: RecordedTrials, expectations: Expectations) -> RecordedTrials:
-    """The same trials, once the task's simulator agrees that they follow from their actions as they are written.
+    """The same trials, after the task's simulator has confirmed that they fit their actions as they are written.
 
     With `as_written` a doubt becomes a note. Raises RecordingsRefused if another reading of them fits much better.
     """
@@ -92,7 +92,7 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
     for name in manifest.sessions:
         where = folder / name
         if "\0" in name or not (where / FACTS).exists():
-            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is no session")
+            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is not a session")
         trials += _of_session(task, where)
     return trials, ()
 

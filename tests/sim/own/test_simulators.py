@@ -53,7 +53,7 @@ def test_a_scene_that_is_missing_or_broken_is_said(mujoco, tmp_path):
     with pytest.raises(adaptsim.TaskError, match=r"there is no file .*nowhere.xml: a relative path is relative"):
         adaptsim.mjcf("nowhere.xml", {})
     (tmp_path / "broken.xml").write_text("<mujoco><worldbody>")
-    with pytest.raises(adaptsim.TaskError, match=r"broken.xml is no scene of MuJoCo"):
+    with pytest.raises(adaptsim.TaskError, match=r"broken.xml is not a scene of MuJoCo"):
         adaptsim.mjcf(str(tmp_path / "broken.xml"), {})
 
 
@@ -86,7 +86,7 @@ def test_an_environment_has_its_parameters_by_path():
     [
         ("Pendulum-v1", {"m": "mas"}, lambda obs: [0.0], r"Pendulum-v1: m = 'mas': there is no attribute 'mas'; there"),
         ("Pendulum-v1", {"m": "state.m"}, lambda obs: [0.0], "m = 'state.m'"),
-        ("NoSuch-v0", {}, lambda obs: [0.0], "'NoSuch-v0' is no environment that can be made"),
+        ("NoSuch-v0", {}, lambda obs: [0.0], "'NoSuch-v0' is not an environment that can be made"),
         ("Pendulum-v1", {}, lambda obs: [0.0, 0.0], r"an action of shape \(2,\); Pendulum-v1 takes \(1,\)"),
         ("Pendulum-v1", {"k": "m"}, lambda obs: [0.0], "p has no 'k': there is m"),
     ],

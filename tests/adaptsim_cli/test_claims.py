@@ -17,7 +17,7 @@ from sim.adaptation.method import FAILED
 from sim.adaptation.verdict import Kind
 from sim.tasks import get_task
 
-METHODS = ("adaptsim", "adaptsim", "adaptsim-belief", "random", "udr")
+METHODS = ("adaptsim", "adaptsim", "adaptsim-belief", "random", "udr", "bo", "adaptsim-iteration")
 BEST = re.compile(
     r"Best policy: (?:(not yet tried)|that of trials? ([0-9, andto]+) \((?:mean )?reward ([\d.]+)\), "
     r"chosen (?:after (\d+) trials?|before the first trial))\. The simulator now: (.+?)\. (?=[A-Z])"
@@ -79,6 +79,10 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
         assert reward == f"{trial.reward:.2f}"
         if low:
             assert (float(low), float(high)) == pytest.approx((trial.predicted_low, trial.predicted_high), abs=0.0051)
+    low = task.adaptation.threshold
+    below = [verdict.kind is Kind.STAYS_LOW for verdict in judged]
+    assert said.count("stays below the threshold of the task") == sum(below)
+    assert all(verdict.reward < low for verdict, stays in zip(judged, below, strict=True) if stays)
     assert said.count(ON) == sum(result.verdict.stops for result in results[:-1]), "it says each time why it goes on"
     best = task.action.normalise(session.best_policy()(np.zeros(0)))
     off = [np.abs(task.action.normalise(trial.action_array) - best).max() for trial in trials]

@@ -38,7 +38,7 @@ WORLD = ("--task", "scooping", "--world", "cucumber", "--seed", "0")
 
 DRAWN_BY: Mapping[str, Sequence[str]] = {
     "guide-camera-view.webp": ("sim/worlds/scooping/cucumber.toml", "sim/render/renderer.py", "sim/lab/kinect.py"),
-    "guide-preview.webp": ("sim/lab/preview.py",),
+    "guide-preview.webp": ("sim/lab/preview.py", "adaptsim_cli/bench/preview.html.j2"),
     "guide-report.webp": ("adaptsim_cli/show/page.html.j2", "adaptsim_cli/screen/style.css"),
     "live-page.webp": ("adaptsim_cli/show/live.html",),
     "guide-trial.webp": (

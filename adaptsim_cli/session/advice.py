@@ -28,7 +28,7 @@ HEADLINES = {
     Kind.TOO_FEW: "Too few trials to judge",
     Kind.NOT_CONVERGED: "Not converged yet",
     Kind.CONVERGED: "Converged",
-    Kind.STAYS_LOW: "The reward stays low",
+    Kind.STAYS_LOW: "The reward stays below the threshold of the task",
     Kind.UNKNOWN: "A verdict that only a newer version of adaptsim can word",
 }
 """Each kind of verdict in a few words."""
@@ -81,8 +81,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
         )
     elif verdict.kind is Kind.STAYS_LOW:
         sentences.append(
-            "The trajectories look like simulated ones, but no parameters in the ranges seem to give an action that "
-            f"suits this {object_name}."
+            "The trajectories look like simulated ones, but no parameters that the session has tried give an action "
+            f"that suits this {object_name}."
         )
     return " ".join(sentences)
 
@@ -117,13 +117,16 @@ def compared_in_words(shown: ControlRecord) -> str:
         case Claim.NO_GAIN:
             return sentence + f"no gain worth {WORTH:.2f}, shown {after}."
         case Claim.OPEN:
-            return sentence + f"not shown yet: {_further(shown)}."
+            return sentence + f"not shown yet, {_further(shown)}."
 
 
 def _further(shown: ControlRecord) -> str:
     if shown.further is not None:
-        return f"about {shown.further} more pair{'s' * (shown.further != 1)}"
-    return "one pair says little" if shown.pairs < 2 else f"at this difference more than {MOST_FURTHER} more pairs"
+        one = shown.further == 1
+        return f"about {shown.further} more pair{'' if one else 's'} {'is' if one else 'are'} needed"
+    if shown.pairs < 2:
+        return "because one pair says little"
+    return f"because this difference needs more than {MOST_FURTHER} further pairs"
 
 
 def tried_in(best: BestRecord) -> str:

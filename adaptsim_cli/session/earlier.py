@@ -219,13 +219,13 @@ class _Migration:
 
     def _named(self, table: Table) -> Table:
         """The record of a trial without its old numbers, its rows with their names."""
-        kept = {key: value for key, value in table.items() if key not in ("number", "trial", "attempt", "iteration")}
-        if "particle" in kept:
-            kept["particle"] += self.shift
+        fields = {key: value for key, value in table.items() if key not in ("number", "trial", "attempt", "iteration")}
+        if "particle" in fields:
+            fields["particle"] += self.shift
         for row in _ROWS:
-            if isinstance(kept.get(row), list):
-                kept[row] = self._quantities(row.removeprefix("drawn_"), kept[row])
-        return kept
+            if isinstance(fields.get(row), list):
+                fields[row] = self._quantities(row.removeprefix("drawn_"), fields[row])
+        return fields
 
     def _quantities(self, space: str, row: Sequence[float]) -> dict[str, float]:
         return dict(zip((d.name for d in getattr(self.facts, space)), row, strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -38,6 +38,12 @@ def grid_tensors(folder: Path, solver: Solver, executor: Executor, progress: Sta
         rollouts = simulate_missing(solver.task, shards, executor, lambda i, n: progress(GRID, i, n))
         grid.take(solver.listed, rollouts)
     return {f"{GRID_TENSORS}{name}": tensor for name, tensor in grid.tensors.items()}
+
+
+def grid_rollouts(tensors: Mapping[str, Array]) -> int:
+    """The number of rollouts in the tensors of a checkpoint with a grid; 0 without one."""
+    success = tensors.get(f"{GRID_TENSORS}success")
+    return 0 if success is None else int(success.size)
 
 
 def trained(task: Task, folder: Path, seed: int, executor: Executor, progress: StageProgress) -> Task:

@@ -42,7 +42,7 @@ from sim.research.pretraining.dataset_share import (
 )
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
-from sim.research.pretraining.grid_stage import grid_tensors, trained
+from sim.research.pretraining.grid_stage import grid_rollouts, grid_tensors, trained
 from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
@@ -147,7 +147,7 @@ def pretrain(
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
-        facts["simulations"] = means.simulated()
+        facts["simulations"] = means.simulated() + grid_rollouts(further)
         if library_of(task) is not None:
             shutil.copytree(folder / POLICIES, path / POLICIES, dirs_exist_ok=True)
         save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, table)

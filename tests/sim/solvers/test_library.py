@@ -179,6 +179,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
         assert first - len(ROLLED) == 5 * 256, "the second run simulates no grid again"
     ROLLED.clear()
     checkpoint = load_checkpoint(TASK, str(path))
+    assert checkpoint.card.simulations == 5 * 256
     method, solver = create(checkpoint.solver.task, checkpoint), checkpoint.solver
     library = library_of(solver.task)
     assert library is not None

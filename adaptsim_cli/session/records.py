@@ -226,7 +226,7 @@ class TrialRecord(MotionRecord):
 
     @property
     def succeeded(self) -> bool:
-        """Whether it earned more than a failure may (`FAILED`); a person's mark for dots, pills and counts."""
+        """Whether it earned more than `FAILED`, as a success or by partial credit; for dots, pills and counts."""
         return self.reward > FAILED
 
     @property

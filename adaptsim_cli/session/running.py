@@ -97,7 +97,7 @@ def run_session(
     root = resolved.places.sessions
     requested_config = anywhere(resolved.config)
     name = _meant(root, requested_config, request)
-    earlier = _known(root, name)
+    earlier = _session_named(root, name)
     if earlier is None and "task" not in request.flag_keys:
         near = did_you_mean(name, folders.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
@@ -222,7 +222,7 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> SessionFacts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
     config = anywhere(resolved.config)
     name = _meant(resolved.places.sessions, config, request)
-    if (store := _known(resolved.places.sessions, name)) is None:
+    if (store := _session_named(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
     return store.facts
 
@@ -268,7 +268,7 @@ def anywhere(config: Config) -> Config:
     return _together(config.model_copy(update=update))
 
 
-def _known(root: Path, name: str) -> SessionStore | None:
+def _session_named(root: Path, name: str) -> SessionStore | None:
     return SessionStore.open(root, name) if folders.folder_of(root, name).is_dir() else None
 
 
@@ -305,7 +305,9 @@ def _opened(
 
     parts = opened()
     if parts.rollouts is not None:
-        parts.rollouts.progress = partial(_shown, screen, parts.rollouts.seconds, config.workers or usable_cores())
+        parts.rollouts.progress = partial(
+            _rollout_progress, screen, parts.rollouts.seconds, config.workers or usable_cores()
+        )
     if not begun:
         for sentence in parts.worth:
             screen.plain(sentence)
@@ -315,7 +317,7 @@ def _opened(
 
 
 @contextmanager
-def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
+def _rollout_progress(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
     """A bar for rollouts that take a while."""
     if rollouts * seconds / processes < SHOWN_S:
         yield lambda done, total: None

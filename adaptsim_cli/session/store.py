@@ -124,7 +124,7 @@ class SessionStore:
                 result = self._once(ResultRecord, folder / f"result-{count}" / RESULT)
                 results[number] = result.keys
                 counted[number] = result.changes
-                if folder / _shown(count) in listed:
+                if folder / _shown_mark(count) in listed:
                     shown.add(number)
         return Existing(
             completed=frozenset(completed),
@@ -207,7 +207,7 @@ class SessionStore:
     def mark_shown(self, iteration: int, at: str) -> None:
         """Note that the operator has seen the newest result of this iteration."""
         folder = self.iteration_folder(iteration)
-        path = folder / _shown(_results(entries(folder)))
+        path = folder / _shown_mark(_results(entries(folder)))
         if not path.exists():
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
 
@@ -336,7 +336,7 @@ def _results(listed: Sequence[Path]) -> int:
     return max((int(match[1]) for match in matches if match), default=0)
 
 
-def _shown(count: int) -> str:
+def _shown_mark(count: int) -> str:
     return f"result-{count}.shown.json"
 
 

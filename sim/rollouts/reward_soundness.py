@@ -29,6 +29,7 @@ def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[s
         try:
             end = task.end_of(one.track)
             if end is None:
+                yield from _failure(task, one, right)
                 continue
             end = np.atleast_1d(end)
             reward = np.asarray(_unclipped(task, end, one.context))
@@ -44,6 +45,12 @@ def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[s
         if not (np.isfinite(value) and 0.0 <= value <= 1.0 + 1e-9):
             yield f"the task {task.name} gives the reward {value:g} with {described(task, one)}: {right}"
         yield from _stacks(task, end, one.context, value)
+
+
+def _failure(task: Task, one: SampledRollout, right: str) -> Iterator[str]:
+    value = task.failure_reward(one.track)
+    if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+        yield f"the task {task.name} gives a failure the reward {value:g} with {described(task, one)}: {right}"
 
 
 def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[str]:

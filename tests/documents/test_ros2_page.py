@@ -19,7 +19,7 @@ from calib.files import read_folder
 from calib.foreign.chains import any_arm
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.lab.world import rollouts_in
+from sim.lab.world import rollout_in
 from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
 
@@ -60,9 +60,8 @@ def pushes(n: int) -> tuple[Array, list[ObjectTrack]]:
     """Random actions in a drawn world, and true rollouts of those under which the bottle stays upright."""
     task = get_task("pushing")
     (target,) = targets_of(task, ["drawn-2-0"])
-    world, there = target.world, rollouts_in(target.world)
     actions = task.action.sample(np.random.default_rng(0), n)
-    tracks = [there(world.parameters, task.reference_context, action, world.nuisance) for action in actions]
+    tracks = [rollout_in(target.world, task.reference_context, action) for action in actions]
     upright = [track.outcome is Outcome.UPRIGHT for track in tracks]
     return actions[upright], [track for track, stands in zip(tracks, upright, strict=True) if stands]
 

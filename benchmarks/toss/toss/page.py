@@ -96,7 +96,7 @@ def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
     """How far off the simulator ends: with each toss's own best point, with the best point of all, and how far the ends
     of neighbouring points are apart.
     """
-    _, ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1])
+    ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1]).end_state
     real = np.stack([track.state[-1, :2] for track in tosses.tracks])
     off_m = np.linalg.norm(ends[0, ..., :2] - real[:, None], axis=-1)
     unit = TASK.parameters.normalise(grid.points)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
-from sim.lab.world import World, rollouts_in
+from sim.lab.world import World, task_in
 from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
@@ -107,8 +107,7 @@ class PlannedTable:
 
     @property
     def _task(self) -> Task:
-        """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
-        return replace(self.solver.task, simulate=rollouts_in(self.world, self.solver.task), simulate_many=None)
+        return task_in(self.world, self.solver.task)
 
     def _agreed(self) -> dict[str, Any]:
         """The conditions, stored in a new folder. Raises DatasetError if the folder holds another table."""
@@ -195,7 +194,8 @@ def _read(task: Task, folder: Path, world: World, size: int) -> WorldTable:
         listed.append(requests)
         parts.append(results)
         context = requests.context[:, : len(task.physical_context)]
-        for column in (requests.action, context, results.observation, results.end_state, results.succeeded):
+        credit = [] if results.failure_reward is None else [results.failure_reward]
+        for column in (requests.action, context, results.observation, results.end_state, results.succeeded, *credit):
             total.update(np.ascontiguousarray(column).tobytes())
     return WorldTable(world.name, reduce(Requests.followed_by, listed), concatenate(parts), total.hexdigest()[:16])
 

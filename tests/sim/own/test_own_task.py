@@ -11,7 +11,7 @@ import pytest
 
 from perception.types import Outcome
 from sim.errors import TaskError, WorldError
-from sim.lab.world import list_worlds, load_world, rollouts_in, tasks_of_world
+from sim.lab.world import list_worlds, load_world, rollout_in, task_in, tasks_of_world
 from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Requests, run_many
 from sim.rollouts.soundness import examine
@@ -117,7 +117,7 @@ def test_a_fresh_process_finds_task_and_world_again(name, request):
     task = request.getfixturevalue(name)
     assert pickle.loads(pickle.dumps(task)) is task  # noqa: S301 - our own
     asked, world = requests(task), load_world(list_worlds(task)[0], task)
-    in_world = replace(task, simulate=rollouts_in(world))
+    in_world = task_in(world, task)
     with process_pool(1) as pool:
         for one in (task, in_world):
             there = run_many(one, asked, pool)
@@ -129,7 +129,7 @@ def test_effects_of_a_world_change_its_rollouts(shuffle):
     world = load_world("ood", shuffle)
     action = shuffle.action.middle
     level = shuffle.simulate(world.parameters, shuffle.reference_context, action, NOBODY)
-    tilted = rollouts_in(world)(world.parameters, shuffle.reference_context, action, NOBODY)
+    tilted = rollout_in(world, shuffle.reference_context, action)
     assert tilted.state[-1, 1] > level.state[-1, 1]
 
 

@@ -20,7 +20,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.adaptsim import create
 from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.errors import CheckpointError, TaskError
-from sim.lab.world import Faults, Sensing, World, rollouts_in
+from sim.lab.world import Faults, Sensing, World, rollout_in
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.pipeline import pretrain
 from sim.solvers.library import train_library, with_library
@@ -186,7 +186,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
     method.start(2, np.random.default_rng(0))
     assert not ROLLED
     world = World("here", "gains", "", np.array([1.2]), np.zeros(0), Unmodelled(0.1), Sensing(), Faults())
-    track = rollouts_in(world, solver.task)(np.zeros(1), np.zeros(0), library.places[0], np.zeros(0))
+    track = rollout_in(world, np.zeros(0), library.places[0], solver.task)
     gain = library.policy(TASK, library.members[0])
     assert track.state[-1, 0] == pytest.approx(gain / 1.2 + 0.1)
     (path / "policies" / "policy-001" / "policy.npz").write_bytes(b"something else")

@@ -23,17 +23,16 @@ SIZE = 160
 
 @pytest.fixture(autouse=True)
 def _toy(monkeypatch):
-    """The toy is no registered task, so rollouts in its worlds are asked for here."""
-    monkeypatch.setattr(tables, "rollouts_in", _InWorld)
+    """The toy is no registered task, so its rollouts in a world are made here."""
 
+    def task_in(world, task):
+        def count(parameters, context, action, nuisance, unmodelled=None):
+            counted.append(action)
+            return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
 
-class _InWorld:
-    def __init__(self, world, task):
-        self.world = world
+        return replace(task, simulate=count, simulate_many=None)
 
-    def __call__(self, parameters, context, action, nuisance, unmodelled=None):
-        counted.append(action)
-        return simulate(self.world.parameters, context, action, self.world.nuisance, self.world.unmodelled)
+    monkeypatch.setattr(tables, "task_in", task_in)
 
 
 counted: list[Any] = []

@@ -45,8 +45,9 @@ from sim.tasks.task import Task
 
 
 @pytest.fixture(autouse=True)
-def forget_packages() -> Iterator[None]:
-    """What a test installs is not there for the next one."""
+def forget_packages(tmp_path, monkeypatch) -> Iterator[None]:
+    """What a test installs is not there for the next one, nor are tasks of files that the user registered."""
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     yield
     plugins.offers.cache_clear()
 
@@ -80,7 +81,6 @@ def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling, capsys):
 
 @pytest.mark.long
 def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(curling, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     with pytest.raises(UnknownName, match="it must be one of pendulum, pushing, scooping, curling"):
         tasks.get_task("darts")
     monkeypatch.chdir(tmp_path)
@@ -250,7 +250,6 @@ def test_every_device_has_its_section_in_the_rig_file_and_on_the_pages():
 
 @pytest.mark.slow
 def test_the_task_of_the_tutorial_asks_and_is_told(curling, tmp_path, monkeypatch):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
     _pretrain("curling", "--rollouts", "256", "--denser", "0")
     shutil.copytree("build/curling/checkpoint", "curling/checkpoints/default")
@@ -284,7 +283,6 @@ def _released(trial: api.Question) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_a_cube_that_is_thrown_by_somebody_else_is_asked_for_and_told(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     install(tmp_path, "toss", {"toss": "toss"})
     monkeypatch.syspath_prepend(ROOT / "benchmarks/toss")
     monkeypatch.syspath_prepend(tmp_path)

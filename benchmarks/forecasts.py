@@ -18,9 +18,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from world_sources import source_in
 
-from adaptsim_cli import config
-from adaptsim_cli.research.world_tables import tables_folder
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.method import FAILED, Trial
@@ -29,13 +28,8 @@ from sim.adaptation.paired import is_gain_shown
 from sim.adaptation.trials_forecast import MOST_PAIRS, TrialsForecast, load
 from sim.adaptation.trials_needed import Play, course
 from sim.adaptation.verdict import Kind
-from sim.lab.physics import in_physics
-from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
-from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
+from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
-from sim.tasks.fingerprint import scene_key
-from sim.tasks.task import Task
 
 PARTICLES = 2
 NEAR = {0.1: (0.05, 0.15), 0.2: (0.15, 0.3), 0.4: (0.3, 0.5)}
@@ -86,15 +80,6 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
     )
 
 
-def source(checkpoint: Checkpoint, task: Task, target: BenchmarkWorld) -> TrialSource:
-    """True rollouts for the pendulum, else the table of the world."""
-    if task.exact:
-        return SimulatedTrials(checkpoint.solver, target.world)
-    folder = tables_folder(config.load({"task": task.name})) / target.set / target.name
-    scene = scene_key(in_physics(task, target.world.physics))
-    return TableTrials(task, load_table(task, target.world, scene, folder))
-
-
 def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired: bool) -> list[Course]:
     """The session of each world; stored ones are read."""
     task = checkpoint.solver.task
@@ -102,7 +87,8 @@ def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired:
     for target in targets_of(task, targets.split(",")):
         path = out / f"{task.name}-{target.name}-{seed}-{'true' if wired else 'shuffled'}.json"
         if not path.exists():
-            one = kept_course(checkpoint, target.name, source(checkpoint, task, target).play, seed, wired=wired)
+            place = source_in(target, checkpoint.solver, tables=not task.exact)
+            one = kept_course(checkpoint, target.name, place.play, seed, wired=wired)
             path.write_text(json.dumps(asdict(one)))
         courses.append(Course(**json.loads(path.read_text())))
     return courses

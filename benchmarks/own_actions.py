@@ -48,10 +48,10 @@ def values(solver: Solver, truths: Array, actions: Array) -> Array:
     drawn = Disturbances.evenly(task, DRAWS if varies(task) else 1, rng)
     rows = []
     for truth in truths:
-        success, end = solver.outcomes(
+        predicted = solver.outcomes(
             truth, (actions[:, None, None] + drawn.error), drawn.nuisance, task.simulated_in(contexts)[:, None]
         )
-        earned = success * task.reward_of_success(end, contexts[:, None])
+        earned = task.expected_reward(predicted, contexts[:, None])
         rows.append(earned.mean(axis=(0, 3)))
     return np.array(rows)
 

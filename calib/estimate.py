@@ -51,7 +51,7 @@ _SETTLED_M = 1e-6
 class Data:
     """The data of the fits: views of one camera after another."""
 
-    sights: tuple[PoseCandidates, ...]  # one a camera
+    candidates: tuple[PoseCandidates, ...]  # one a camera
     moved: ArmViews  # of all views, in this order
     boards: CondensedViews
     agreeing: Rows  # rows of agreeing views
@@ -70,7 +70,7 @@ class Data:
         )
 
     def _by_camera(self, X_CM: Array) -> list[tuple[PoseCandidates, Array]]:
-        return [(sight, X_CM[self.moved.camera == c]) for c, sight in enumerate(self.sights)]
+        return [(one, X_CM[self.moved.camera == c]) for c, one in enumerate(self.candidates)]
 
     def fit(self, rows: Rows, start: Unknowns, model: Model) -> Fit:
         """The fit to some of the views; over pixels, and for vague views, the optimum over all their corners."""
@@ -121,8 +121,8 @@ class BestFit:
 
 
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
-    """Fit by both weights, and keep the fit that predicts held-out views better. `scale` frees the board's size."""
-    cameras = len(data.sights)
+    """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
+    cameras = len(data.candidates)
     plain = data.fit(data.agreeing, start, Model(scale=scale, cameras=cameras))
     by_errors, joints = _with_offsets_where_supported(data, plain)
     by_pixels = data.fit(data.agreeing, plain.state, replace(plain.model, weights=Weights.PIXELS))

@@ -231,13 +231,7 @@ class Session:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
         stored = self._stored
         record = history.completed(stored, trial)
-        if stored.facts.curves:
-            raise UsageError(
-                f"trial {trial} of session {self.name!r} has no recording: nothing films the "
-                f"{stored.facts.object_name}. Its curves are in session.trials[{trial - 1}].track"
-            )
-        folder = stored.trial_folder(*record.position)
-        return recording.read(folder / recording.FILE)
+        return recording.read(recording.file_of(stored, record))
 
     def hindsight(self) -> Hindsight:
         """The session's checkpoint, ready to evaluate its trajectories. Raises CheckpointError."""

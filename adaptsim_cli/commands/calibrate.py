@@ -62,9 +62,7 @@ def board(
     paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
     square_mm: Annotated[
         float | None,
-        typer.Option(
-            "--square-mm", rich_help_panel=options.ADVANCED, help="Edge of a square; default: the largest that fits."
-        ),
+        options.advanced("--square-mm", "Edge of a square; default: the largest that fits."),
     ] = None,
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
@@ -109,34 +107,20 @@ def solve(
     ] = None,
     refine_intrinsics: Annotated[
         bool,
-        typer.Option(
-            "--refine-intrinsics",
-            rich_help_panel=options.ADVANCED,
-            help="Use the focal length, centre and distortion estimated from the views.",
+        options.advanced(
+            "--refine-intrinsics", "Use the focal length, centre and distortion estimated from the views."
         ),
     ] = False,
     exchange: Annotated[
         list[str] | None,
-        typer.Option(
-            "--exchange", rich_help_panel=options.ADVANCED, help="Two views with exchanged poses, as 25:26; repeatable."
-        ),
+        options.advanced("--exchange", "Two views with exchanged poses, as 25:26; repeatable."),
     ] = None,
     shift: Annotated[
         int,
-        typer.Option(
-            "--shift",
-            rich_help_panel=options.ADVANCED,
-            min=-5,
-            max=5,
-            help="Each picture belongs to the pose this many views later.",
-        ),
+        options.advanced("--shift", "Each picture belongs to the pose this many views later.", min=-5, max=5),
     ] = 0,
-    first: Annotated[
-        str, typer.Option("--from", rich_help_panel=options.ADVANCED, help="Leave out the views before this one.")
-    ] = "",
-    last: Annotated[
-        str, typer.Option("--until", rich_help_panel=options.ADVANCED, help="Leave out the views after this one.")
-    ] = "",
+    first: Annotated[str, options.advanced("--from", "Leave out the views before this one.")] = "",
+    last: Annotated[str, options.advanced("--until", "Leave out the views after this one.")] = "",
 ) -> Reply:
     """Solve from views recorded elsewhere, on any robot, with the same checks and report.
 
@@ -161,11 +145,7 @@ def together(
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
         list[str] | None,
-        typer.Option(
-            "--exchange",
-            rich_help_panel=options.ADVANCED,
-            help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable.",
-        ),
+        options.advanced("--exchange", "A folder and two of its views with exchanged poses, as cam:25:26; repeatable."),
     ] = None,
 ) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.

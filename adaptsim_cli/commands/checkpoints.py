@@ -44,12 +44,7 @@ def verify(
     resolved: Resolved,
     rollouts: Annotated[
         int | None,
-        typer.Option(
-            "--rollouts",
-            rich_help_panel=options.ADVANCED,
-            min=0,
-            help="True rollouts to compare with; 0: only read the files.",
-        ),
+        options.advanced("--rollouts", "True rollouts to compare with; 0: only read the files.", min=0),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")

@@ -27,28 +27,19 @@ def pretrain(
     budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
     rollouts: Annotated[
         int | None,
-        typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=64, help="Simulated trials in the dataset."),
+        options.advanced("--rollouts", "Simulated trials in the dataset.", min=64),
     ] = None,
     denser: Annotated[
         int | None,
-        typer.Option(
-            "--denser", rich_help_panel=options.ADVANCED, min=0, help="Further trials where the outcome is uncertain."
-        ),
+        options.advanced("--denser", "Further trials where the outcome is uncertain.", min=0),
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(
-            "--episodes",
-            rich_help_panel=options.ADVANCED,
-            min=64,
-            help="Episodes from which each adaptation policy learns.",
-        ),
+        options.advanced("--episodes", "Episodes from which each adaptation policy learns.", min=64),
     ] = None,
     judged: Annotated[
         int | None,
-        typer.Option(
-            "--judged", rich_help_panel=options.ADVANCED, min=4, help="Unseen targets on which the result is evaluated."
-        ),
+        options.advanced("--judged", "Unseen targets on which the result is evaluated.", min=4),
     ] = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
@@ -70,7 +61,8 @@ def pretrain(
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
-    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one.
+    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one. Of a task that
+    trains its policies, it first trains a part of these, and run once more it simulates a part of the grid.
 
     With --targets wide, the targets for learning and for scores may lie beyond the paper's ranges.
 
@@ -93,9 +85,9 @@ def pretrain(
     with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         if part is not None:
             if pretraining.pretrain_share(request, part, crew, progress):
-                return complete(part, "its part of the dataset", request.folder)
-            even = f"Share {part} of the even part is complete in {request.folder}"
-            return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
+                return complete(part, "its part of the rollouts", request.folder)
+            first = f"Share {part} of the first part is complete in {request.folder}"
+            return Reply(text=[first, "Once all shares are, the same command simulates this share of the second part."])
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")

@@ -37,11 +37,7 @@ def run_iteration(
     yes: options.Yes = False,
     own_calibration: Annotated[
         bool,
-        typer.Option(
-            "--own-calibration",
-            rich_help_panel=options.ADVANCED,
-            help="Go on with the calibration and touch-off of the session.",
-        ),
+        options.advanced("--own-calibration", "Go on with the calibration and touch-off of the session."),
     ] = False,
     view: options.View = False,
     view_port: options.ViewPort = None,

@@ -98,6 +98,7 @@ def parts(
     """
     from adaptsim_cli.bench import printed_parts as sheet
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import views
     from adaptsim_cli.storage import durable
 
     if out.exists():
@@ -114,7 +115,7 @@ def parts(
         for part in solids
     ]
     data = {"sheet": str(out / "parts.pdf"), "parts": rows}
-    return Reply(data, [*lines, f"Written: {out / 'parts.pdf'}"])
+    return Reply(data, [*lines, views.FileLine("Written", out / "parts.pdf")])
 
 
 def all_parts() -> tuple[Part, ...]:

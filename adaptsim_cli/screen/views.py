@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.padding import Padding
+from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
@@ -205,6 +206,19 @@ def place(path: Path) -> str:
         if path.is_relative_to(base) and path != base:
             return f"{mark}{path.relative_to(base)}"
     return str(path)
+
+
+@dataclass(frozen=True)
+class FileLine:
+    """A line that says what a file or folder is, and its place: on a terminal short and as a link, else whole."""
+
+    what: str
+    path: Path
+
+    def __rich_console__(self, console: Console, _: ConsoleOptions) -> RenderResult:
+        path = self.path.absolute()
+        shown = place(path) if console.is_terminal else str(path)
+        yield Text.assemble(f"{self.what}: ", (shown, Style(link=path.as_uri())))
 
 
 RECORDED = "recorded"

@@ -16,8 +16,8 @@ from adaptsim_cli import config
 from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_of
 from adaptsim_cli.config import DIRECT, SOLVERS, Config
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.folders import SOLVER
-from hw.cores import usable_cores
+from adaptsim_cli.session.folders import solver_folder
+from hw.computer import usable_cores
 from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     facts = store.facts
     task = task_of(config.load().config.model_copy(update={"task": facts.task, "object": facts.object}))
     if facts.solver == DIRECT:
-        return direct_checkpoint(task, serial_executor(), store.folder / SOLVER)
+        return direct_checkpoint(task, serial_executor(), solver_folder(store.folder))
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.bench.rig import Image, Tracker
 from adaptsim_cli.config import Config
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
@@ -148,3 +148,5 @@ class Openers:
     parts: OpenParts
     seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]
     """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""
+    tracker: Callable[[Task], Tracker]
+    """The tracker of a task with a camera. Raises UnknownName, NoHardware."""

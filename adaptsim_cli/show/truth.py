@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -121,7 +121,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     world.
     """
     from sim.adaptation.methods.udr import DRAWS, udr_policies
-    from sim.lab.world import rollouts_in
+    from sim.lab.world import task_in
     from sim.rollouts.draws import cover
     from sim.rollouts.executors import process_pool, serial_executor
     from sim.rollouts.run import Requests, concatenate, run_many
@@ -145,7 +145,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     path = data_folder() / "truth" / f"{hashlib.sha256(identity.encode()).hexdigest()[:24]}.npz"
     rollouts = read_rollouts(path, requests)
     if rollouts is None:
-        in_world = replace(task, simulate=rollouts_in(world, task), simulate_many=None)
+        in_world = task_in(world, task)
         began = time.monotonic()
         with serial_executor() as crew:
             first = run_many(in_world, requests[:1], crew)

@@ -20,6 +20,7 @@ from adaptsim_cli.bench.doctor import separation
 from adaptsim_cli.bench.rig_file.description import PersonPart
 from hw import braking, stopping, watchdog
 from pages import ROOT
+from pages.sealed import sealed_entry, sealed_summary
 
 SESSIONS, STOPS = ROOT / "docs/results/sessions.csv", ROOT / "docs/results/motion.md"
 FILLED = re.compile(r"(?P<old>[+−-]?\w[\w.-]*)(?P<share> %)?<!--= (?P<expression>.*?) -->")
@@ -123,6 +124,27 @@ def least_world(part: str) -> str:
     return min(gains(part), key=gains(part).__getitem__)
 
 
+def sealed(name: str, entry: str = "adaptsim", *, end: int = 0) -> float:
+    """Mean reward in a sealed benchmark, such as `pushing-drawn`; `end` −1 and 1: the ends of its 95 % interval."""
+    one = sealed_entry(name, entry)
+    return one.ci95[end > 0] if end else one.reward
+
+
+def sealed_lead(name: str, entry: str, *, end: int = 0) -> float:
+    """What `adaptsim` earns more in a sealed benchmark, paired by world; `end` as of `sealed`."""
+    one = sealed_entry(name, entry)
+    return one.behind_ci95[end > 0] if end else one.behind
+
+
+def sealed_worlds(name: str) -> int:
+    return len(sealed_summary(name)[1].worth)
+
+
+def sealed_need(name: str) -> int:
+    """How many worlds of a sealed benchmark need an action of their own."""
+    return len(sealed_summary(name)[1].need)
+
+
 def stops() -> list[tuple[str, str, str, str]]:
     """(task, arm, time in s, travel in cm) of the table of shipped motions, which a slow test computes again."""
     row = r"^\| (scooping|pushing), (Panda|FR3) \| (0\.\d\d) s \| (\d+) cm \|$"
@@ -140,6 +162,7 @@ def farthest_stop_cm() -> float:
 NAMES: Mapping[str, Any] = {
     **{one.__name__: one for one in (mean, lead, change, gaining, worlds, least, least_world)},
     **{one.__name__: one for one in (longest_stop_s, farthest_stop_cm)},
+    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need)},
     **{name: value for module in (braking, stopping, watchdog, separation) for name, value in vars(module).items()},
     "default_side_m": PersonPart("left").from_m,
 }

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.child import Child, ChildGone
+from hw.computer import trim
 from hw.errors import CameraError
-from hw.memory import trim
 from hw.types import Array, CameraModel
 from sim.render.renderer import Renderer
 from sim.render.sensor import SensorNoise

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from sim.rollouts.dataset import draw_requests
 from sim.tasks.task import Task
 

@@ -11,7 +11,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from types import ModuleType
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from sim.rollouts.cluster import Warn, dask_cluster
 
 _WORKER = str(Path(__file__).with_name("worker.py"))

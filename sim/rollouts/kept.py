@@ -41,8 +41,8 @@ class KeptRollouts:
     progress: OpenProgress = nowhere
     seconds: float = 0.0  # that a rollout takes on one core; 0: not measured
     simulated: int = 0  # by this object
-    _places: dict[bytes, int] = field(default_factory=dict, repr=False)  # of a request, in `_known`
-    _known: Rollouts | None = field(default=None, repr=False)
+    _places: dict[bytes, int] = field(default_factory=dict, repr=False)  # of a request, in `_rollouts`
+    _rollouts: Rollouts | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.folder is not None:
@@ -70,8 +70,8 @@ class KeptRollouts:
         missing = sorted(row for key, row in first.items() if key not in self._places)
         if missing:
             self._simulate(requests[np.array(missing)])
-        assert self._known is not None, "a request is known or was simulated"
-        return self._known[np.array([self._places[key] for key in keys])]
+        assert self._rollouts is not None, "a request is known or was simulated"
+        return self._rollouts[np.array([self._places[key] for key in keys])]
 
     def _simulate(self, requests: Requests) -> None:
         """Simulate requests, and store each part once it is complete."""
@@ -85,8 +85,8 @@ class KeptRollouts:
                 self._take(part, rollouts)
 
     def _take(self, requests: Requests, rollouts: Rollouts) -> None:
-        before = 0 if self._known is None else len(self._known)
-        self._known = rollouts if self._known is None else concatenate([self._known, rollouts])
+        before = 0 if self._rollouts is None else len(self._rollouts)
+        self._rollouts = rollouts if self._rollouts is None else concatenate([self._rollouts, rollouts])
         self._places |= {key: before + row for row, key in enumerate(_keys(requests))}
 
 

@@ -164,6 +164,16 @@ def patched(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Iterato
             setattr(module, name, function)
 
 
+@contextmanager
+def _same_folder() -> Iterator[None]:
+    """The current folder stays as it is, because the paths of a command are relative to it."""
+    before = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
 def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
     """A `time.sleep` that the file itself may not call while it is loaded."""
 
@@ -181,7 +191,7 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
         confine(str(path))
-        with patched(time, _awake(str(path))):
+        with patched(time, _awake(str(path))), _same_folder():
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
     except TaskError as error:
         del sys.modules[module.__name__]

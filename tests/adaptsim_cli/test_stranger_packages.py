@@ -15,7 +15,7 @@ SCRIPT = """
 from adaptsim_cli import api
 import sim.rollouts, hw.workcell, perception.types, calib.types
 from sim.rollouts import process_pool
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 
 if __name__ == "__main__":
     print(sim.rollouts.__file__)

@@ -52,15 +52,21 @@ class OwnTarget:
     expectations: Expectations | None = None  # of the session's simulator; None: answers are not compared with it
     _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
 
-    def __post_init__(self) -> None:
-        for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
+    @classmethod
+    def of_session(
+        cls, task: Task, session: Path, answerer: Answerer, method: str, expectations: Expectations | None = None
+    ) -> OwnTarget:
+        """The target of a session, with the actions that its robot could not do before."""
+        target = cls(task, session, answerer, method, expectations)
+        for file in sorted((session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")
             try:
                 answer, question = exchange.answer(), exchange.question()
             except (AnswerRefused, OSError, ValueError):
                 continue
             if answer is not None and answer.impossible and question.action is not None:
-                self._note_impossible(question)
+                target._note_impossible(question)
+        return target
 
     @property
     def title(self) -> str:

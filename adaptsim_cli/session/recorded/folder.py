@@ -27,7 +27,7 @@ from adaptsim_cli.session.recorded.manifest import (
 )
 from adaptsim_cli.session.recorded.messages import of_mcap
 from adaptsim_cli.session.recorded.tables import numbers, read_columns, require_columns
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import readable
 from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_sound
 
@@ -98,18 +98,19 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
-    """Every trial that counts; of repeated actions only the first. Raises RecordingsRefused for another task."""
-    store = SessionStore.open(folder.parent, folder.name)
-    if store.facts.task != task.name:
-        raise RecordingsRefused(f"{folder} is a session of {store.facts.task}, not of {task.name}")
+    """Every trial that counts, of repeated actions the first. Raises RecordingsRefused for another task."""
+    with readable(folder.parent, folder.name) as store:
+        facts, trials = store.facts, trials_of(store)
+    if facts.task != task.name:
+        raise RecordingsRefused(f"{folder} is a session of {facts.task}, not of {task.name}")
     raw, actions = list[RawTrial](), set[tuple[float, ...]]()
-    for trial in trials_of(store):
+    for trial in trials:
         if (action := tuple(trial.action.values())) in actions:
             continue
         actions.add(action)
         track = trial.track.track()
         values: dict[str, float | str] = {**trial.context, **trial.action, OUTCOME: trial.outcome.value}
-        name = f"{store.facts.name}/{trial.trial}"
+        name = f"{facts.name}/{trial.trial}"
         raw.append(RawTrial(name, values, track.t_s, track.state, track.end_in_tool_m))
     return raw
 

@@ -37,7 +37,7 @@ from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import PROBES, GridSolver
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
-from sim.tasks.task import SolvedPolicy
+from sim.tasks.task import PredictedOutcomes, SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
 from toss.data import Tosses, read_tosses
 from toss.page import write
@@ -88,15 +88,13 @@ class Half:
 
     def _predicted(self, contexts: Array) -> Array:
         """(G, A, K) rewards of every toss at every point of the grid."""
-        success, end = self.outcomes
-        return np.stack([success * TASK.reward_of_success(end, context) for context in contexts])
+        return np.stack([TASK.expected_reward(self.outcomes, context) for context in contexts])
 
     @cached_property
-    def outcomes(self) -> tuple[Array, Array]:
-        """Success (A, K) and end states (A, K, k) of every toss at every point of the grid."""
+    def outcomes(self) -> PredictedOutcomes:
+        """The outcomes (A, K) of every toss at every point of the grid."""
         points, contexts = self.grid.points[None], self.grid.contexts[:1]
-        success, end = self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts)
-        return success[0], end[0]
+        return self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts).mean_of_ensemble
 
 
 @dataclass(frozen=True, eq=False)

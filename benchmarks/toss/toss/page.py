@@ -96,7 +96,7 @@ def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
     """The error of the simulated ends with each toss's own best point and with the best point of all, and the distance
     between the ends of neighbouring points.
     """
-    _, ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1])
+    ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1]).end_state
     real = np.stack([track.state[-1, :2] for track in tosses.tracks])
     off_m = np.linalg.norm(ends[0, ..., :2] - real[:, None], axis=-1)
     unit = TASK.parameters.normalise(grid.points)

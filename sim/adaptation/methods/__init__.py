@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
 from hw.plugins import Registry
@@ -62,14 +61,12 @@ def kind_of(name: str) -> MethodKind:
     return METHODS.get(name, MethodKind())
 
 
-def _ours(kind: MethodKind) -> Factory:
-    module, _, function = kind.create.partition(":")
-    factory: Factory = getattr(import_module(module), function)
-    return factory
-
-
 REGISTRY: Registry[Factory] = Registry(
-    "method", "adaptsim.methods", "create", METHODS, UnknownName, _ours, lambda name, create: ""
+    label="method",
+    group="adaptsim.methods",
+    attribute="create",
+    ours={name: kind.create for name, kind in METHODS.items()},
+    error=UnknownName,
 )
 
 _registered: dict[str, Factory] = {}

@@ -123,7 +123,7 @@ class LeastSquares:
         trials, space = _trials(history), self.solver.task.margin
 
         def residuals(points: Array) -> Array:
-            return _off(self.solver, trials, space.denormalise(points))
+            return _residuals(self.solver, trials, space.denormalise(points))
 
         even = space.normalise(cover(space, SCREENED, np.random.default_rng(0)))
         starts = even[np.argsort((residuals(even) ** 2).sum(axis=1), kind="stable")[:STARTS]]
@@ -185,7 +185,7 @@ class SimOpt:
         require_whole("simopt", trials)
         space = self.solver.task.parameters
         points = _drawn(mean, covariance, SIMULATED, rng)
-        off = _off(self.solver, trials, space.spread(points))
+        off = _residuals(self.solver, trials, space.spread(points))
         cost = ABSOLUTE * np.abs(off).sum(axis=1) + SQUARED * (off**2).sum(axis=1)
         weights = _bounded_weights(cost)
         middle = weights @ points
@@ -219,7 +219,7 @@ def _trials(history: Sequence[Iteration]) -> list[Trial]:
     return [trial for iteration in history for tried in iteration for trial in tried.trials]
 
 
-def _off(solver: Solver, trials: Sequence[Trial], parameters: Array) -> Array:
+def _residuals(solver: Solver, trials: Sequence[Trial], parameters: Array) -> Array:
     """(N, p) -> (N, observed) simulated minus observed trajectories, the nuisance in the middle of its range."""
     n, task = len(parameters), solver.task
     parts = []

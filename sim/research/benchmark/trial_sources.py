@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Trial, trials_of_rows
-from sim.lab.world import World, rollouts_in
+from sim.lab.world import World, rollout_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials
@@ -76,12 +76,9 @@ class SimulatedTrials:
 
     def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
         where = np.tile(self.world.parameters, (len(contexts), 1))
-        requests, roll = (
-            trial_requests(self.solver.task, where, contexts, actions, rng),
-            rollouts_in(self.world, self.solver.task),
-        )
-        rows = zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
-        return [roll(*row) for row in rows]
+        requests = trial_requests(self.solver.task, where, contexts, actions, rng)
+        rows = zip(requests.context, requests.action, strict=True)
+        return [rollout_in(self.world, context, action, self.solver.task) for context, action in rows]
 
     def _scores(self, tracks: Sequence[ObjectTrack], contexts: Array) -> Array:
         return np.array([self.solver.task.score(track, c) for track, c in zip(tracks, contexts, strict=True)])

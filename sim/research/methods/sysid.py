@@ -81,7 +81,7 @@ class SysId:
     solver: Solver
     ends_only: bool
     point: bool
-    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by history
+    _posteriors: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by history
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The prior: all of Omega, or its middle."""
@@ -102,9 +102,9 @@ class SysId:
             for trial in trials:
                 digest.update(trial.key)
             key = digest.digest()
-            if key not in self._known:
-                self._known[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))
-            believed = self._known[key]
+            if key not in self._posteriors:
+                self._posteriors[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))
+            believed = self._posteriors[key]
         return believed
 
     def _particles(self, unit: Array, n: int) -> tuple[Particle, ...]:

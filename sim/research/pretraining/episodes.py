@@ -112,6 +112,7 @@ class EmulatedRolls:
             end_state=np.where(succeeded[:, None], drawn.end_state, np.nan),
             succeeded=succeeded,
             outcome=np.full(len(requests), OUTCOMES.index(Outcome.SETTLED), dtype=np.int8),  # not used
+            failure_reward=drawn.failure_reward,
         )
 
 

@@ -1,4 +1,4 @@
-"""What an action of its own is worth, by the simulator: the best action of each truth against the best fixed rule.
+"""The worth of an own action by the simulator: the best action of each truth compared with the best fixed rule.
 
 For truths that fill Omega, or the margin beyond it, every action of a large set is valued in drawn contexts. The fixed
 rule has one action for each context, chosen in half of the truths and scored in the other half, and the other way

@@ -1,10 +1,10 @@
 """The estimator of `solve` and `together`: from views that agree to the poses of one camera or several.
 
-Two fits compete. One weighs every view by the errors of arm, view and corners, whose sizes it estimates; joint offsets
-are adopted in it if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
+Two fits compete. One weighs every view by the errors of arm, view and corners, and estimates their sizes; it adopts
+joint offsets if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
 predicts every view from the others, a fifth at a time (`Choice`). The few views of a series often cannot tell errors of
-the arm from those of the lens. So the first is kept alone only if it predicts clearly better, and the mean of both is
-taken where neither does.
+the arm from those of the lens. So one of them is used alone only if it predicts clearly better; otherwise the mean of
+both is used.
 """
 
 from __future__ import annotations

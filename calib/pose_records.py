@@ -79,7 +79,7 @@ class PoseKeys(Record):
         if len(self._given("q_rad", "q_deg", "joints", "X_BF", "matrix")) + len(places) != 1 or len(turns) > 1:
             raise ValueError(f"give exactly one of {_ONE_OF}")
         if bool(places) != bool(turns):
-            raise ValueError("a position and a rotation go together, such as position_m and quaternion_wxyz")
+            raise ValueError("position and rotation are needed together, for example position_m and quaternion_wxyz")
         if not self.questions():
             self.flange()  # checks the keys
         return self

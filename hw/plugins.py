@@ -126,7 +126,7 @@ class Registry(Generic[Thing]):
         return found
 
     def offer(self, name: str) -> Offer | None:
-        """The first offer of that name; None without one, and for ours."""
+        """The first package's offer of that name; None if no package offers it, or if the name is ours."""
         return next((one for one in offers(self.group) if one.name == name and name not in self.ours), None)
 
     def clashing(self) -> tuple[str, ...]:

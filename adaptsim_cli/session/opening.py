@@ -69,7 +69,7 @@ def open_parts(
 ) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
-    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
+    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
     robot of one's own, instead of the program or the person of the settings.
 
     NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.

@@ -69,7 +69,7 @@ class WholeTrial:
             yield end_s, flag, True
         yield (
             end_s,
-            f"outcome: {record.outcome_words}, reward {record.reward:.2f}, expected {record.predicted_reward:.2f}",
+            f"outcome: {record.outcome_words}, reward {record.reward:.2f}, predicted {record.predicted_reward:.2f}",
             False,
         )
         if record.overruled_from is not None:
@@ -103,8 +103,8 @@ class WholeTrial:
 
 
 def open_trial(store: SessionStore, record: TrialRecord) -> WholeTrial:
-    """Read a trial. Raises SessionError if its recording is missing, pruned or corrupt."""
-    file = store.trial_folder(*record.position) / recording.FILE
+    """Read a trial. Raises UsageError if nothing filmed it, SessionError if its recording is pruned or corrupt."""
+    file = recording.file_of(store, record)
     return WholeTrial(store.facts, record, recording.read(file), file)
 
 

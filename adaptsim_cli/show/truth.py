@@ -42,7 +42,7 @@ PARALLEL_FROM_S = 5.0
 
 
 def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[], Posterior]) -> Revealed | None:
-    """Truth, range and belief of each parameter; None if simulate is no truth, no trial, or no posterior to show.
+    """Truth, range and belief of each parameter; None without a simulated truth, a trial, or a posterior to show.
 
     `posterior` makes that of the session. Raises SessionError on damage.
     """
@@ -95,7 +95,7 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
 
 
 def _unmodelled(world: World) -> list[str]:
-    """The effects in which a world differs from training, by name; pictures and steps of time are no effects."""
+    """The effects in which a world differs from training, by name; pictures and time steps are not effects."""
     if not is_dataclass(world.unmodelled):
         return []
     return [

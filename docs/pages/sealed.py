@@ -44,6 +44,9 @@ WHOSE = {
     "udr-mean": "fixed rule: best mean over Ω",
 }
 
+FEWEST = 4
+"""Fewer worlds have no interval on the page: with two, it would be wider than all possible rewards."""
+
 SEALED_HEAD = """# Sealed benchmark
 
 The worlds come from a random seed that nobody chose. They were opened once, after the code was frozen ([rules](../reference/benchmark.md#sealed-worlds)). `make docs` writes this page from `docs/results/sealed/`.
@@ -184,9 +187,9 @@ def _stratum(stratum: str, ones: Sequence[StratumSummary]) -> Iterator[str]:
     yield "| entry | whose | reward | 95 % | `adaptsim` minus it | 95 % | most in a world |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
     for one in sorted(ones, key=lambda one: -one.reward):
-        interval = _between(one.ci95) if count > 1 else ""
+        interval = _between(one.ci95) if count >= FEWEST else ""
         paired = "" if one.entry == "adaptsim" else _signed(one.behind)
-        around = "" if one.entry == "adaptsim" or count < 2 else _between(one.behind_ci95, sign=True)
+        around = "" if one.entry == "adaptsim" or count < FEWEST else _between(one.behind_ci95, sign=True)
         most = "" if one.entry == "adaptsim" else _signed(one.most_behind)
         yield f"| `{one.entry}` | {WHOSE[one.entry]} | {one.reward:.3f} | {interval} | {paired} | {around} | {most} |"
     yield ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
@@ -268,18 +268,28 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
     """Values of `space` from a table. A missing one has its default; else, in an optional table, its middle."""
-    types: dict[str, Any] = {
-        d.name: (
-            int | str if d.words else int if d.scale == "integer" else float,
-            _left_out(d, float(middle), required=required),
+    types = tuple(
+        (
+            d.name,
+            (
+                int | str if d.words else int if d.scale == "integer" else float,
+                _left_out(d, float(middle), required=required),
+            ),
         )
         for d, middle in zip(space.dimensions, space.middle, strict=True)
-    }
-    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
+    )
+    model = _check(_model(table, types), raw, source, table)
     values = [_index(d, getattr(model, d.name), source, table) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
     return frozen_array(values)
+
+
+@cache  # it takes 10 ms to make, and a list of worlds needs it for each of them
+def _model(table: str, types: tuple[tuple[str, tuple[Any, Any]], ...]) -> type[BaseModel]:
+    """The model of a table with these keys: (type, default) of each."""
+    named: dict[str, Any] = dict(types)
+    return create_model(table, __base__=HandWritten, **named)
 
 
 def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
@@ -330,16 +340,22 @@ def _possible(dimension: Dimension, value: float, source: str, table: str) -> No
 
 def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -> _Kind:
     """A frozen dataclass from a table, every key checked against the field's annotation."""
-    hints = get_type_hints(kind, include_extras=True)
-    types: dict[str, Any] = {}
-    for field in fields(cast("Any", kind)):
-        default = field.default if field.default_factory is MISSING else field.default_factory()
-        types[field.name] = (hints[field.name], ... if default is MISSING else default)
-    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
+    model = _check(_model_of(cast("Any", kind), table), raw, source, table)
     try:
         return kind(**dict(model))
     except (ValueError, OutOfRange) as error:
         raise WorldError(f"{source}: [{table}] {error}") from error
+
+
+@cache
+def _model_of(kind: Any, table: str) -> type[BaseModel]:
+    """The model of a table with the fields of a dataclass."""
+    hints = get_type_hints(kind, include_extras=True)
+    types: dict[str, Any] = {}
+    for field in fields(kind):
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        types[field.name] = (hints[field.name], ... if default is MISSING else default)
+    return create_model(table, __base__=HandWritten, **types)
 
 
 def _faults(raw: Mapping[str, Any], source: str) -> Faults:

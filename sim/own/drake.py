@@ -94,7 +94,7 @@ class DrakeScene:
                 Xml.register_namespace(prefix, uri)
             return Xml.fromstring(text)
         except (OSError, UnicodeDecodeError, Xml.ParseError) as error:
-            raise TaskError(f"{self.file} is no scene of Drake: {error}") from error
+            raise TaskError(f"{self.file} is not a scene of Drake: {error}") from error
 
     def _where(self, name: str, path: str) -> str:
         return f"{self.file.name}: {name} = {path!r}"

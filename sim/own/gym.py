@@ -39,7 +39,7 @@ class GymScene:
         try:
             env = gymnasium.make(self.env_id, **self.options).unwrapped
         except gymnasium.error.Error as error:
-            raise TaskError(f"{self.env_id!r} is no environment that can be made: {error}") from error
+            raise TaskError(f"{self.env_id!r} is not an environment that can be made: {error}") from error
         for name, path in self.paths.items():
             where = f"{self.env_id}: {name} = {path!r}"
             thing, attribute = _attribute_at(env, path, where)

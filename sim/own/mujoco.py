@@ -70,7 +70,7 @@ class MujocoScene:
         try:
             return _mujoco().MjSpec.from_file(str(self.file))
         except ValueError as error:
-            raise TaskError(f"{self.file} is no scene of MuJoCo: {error}") from error
+            raise TaskError(f"{self.file} is not a scene of MuJoCo: {error}") from error
 
     def _attribute_at(self, spec: Any, name: str, path: str) -> tuple[Any, str]:
         where = self._where(name, path)

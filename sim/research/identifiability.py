@@ -1,4 +1,4 @@
-"""Which parameters a session can identify: simulated sessions, and how near they come to the truth."""
+"""Finds the parameters that a session can identify, by the errors that are left after simulated sessions."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _trials(
 
 
 def in_words(left: float) -> str:
-    """How far a session finds a parameter, by the fraction of its error that is left."""
+    """A word for the success of a session in finding a parameter, from the fraction of its error that is left."""
     if left < SETTLES:
         return "found within a session"
     return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

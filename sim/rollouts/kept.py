@@ -30,7 +30,7 @@ def nowhere(rollouts: int) -> AbstractContextManager[Progress]:
 
 @dataclass(eq=False)
 class KeptRollouts:
-    """A `sim.rollouts.run.Roll` that simulates only what it has not simulated before.
+    """A `sim.rollouts.run.Roll` that simulates only new requests.
 
     Unlike `CachedRollouts` it finds each rollout by itself, whichever call asked for it first.
     """
@@ -49,7 +49,7 @@ class KeptRollouts:
             self.keep_in(self.folder)
 
     def keep_in(self, folder: Path) -> None:
-        """Take what the folder holds, and store there what is simulated from now on."""
+        """Use the rollouts in the folder, and store new ones there."""
         self.folder = folder
         for path in sorted(folder.glob("*.npz")):
             if (contents := read_shard(path)) is not None:  # a damaged file is simulated again

@@ -145,7 +145,7 @@ def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll
 
 
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
-    """Simulate every request, in their order; raises as `run_parts`."""
+    """The rollouts of all requests, in their order. Raises the same errors as `run_parts`."""
     (rollouts,) = run_parts(task, [requests], executor, progress)
     return rollouts
 
@@ -259,7 +259,7 @@ def _silent(done: int, total: int) -> None:
 
 
 def _run_chunk(task: Task, requests: Requests) -> Rollouts:
-    """In a worker: simulate a few requests."""
+    """Simulate a few requests, in a worker."""
     tracks = [
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
@@ -285,7 +285,7 @@ def observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
 
 
 def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:
-    """Name the `lost` chunks of a part: the one that raised, or all possible causes of a killed process."""
+    """Name the `lost` chunks of a part: the one that raised, or all that may have killed the process."""
     requests, first = parts[lost[0].part], lost[0].start
     spans = [f"{c.start}-{c.end - 1}" if c.end - c.start > 1 else str(c.start) for c in lost]
     which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")

@@ -111,9 +111,9 @@ def simulate_missing(task: Task, shards: Mapping[Path, Requests], executor: Exec
 def simulate_share(
     task: Task, shards: Mapping[Path, Requests], share: Share, executor: Executor, progress: Progress, before: int = 0
 ) -> int:
-    """Simulate the missing ones among the shards of one share, and return how many it has.
+    """Simulate the missing shards of one share, and return the number of its shards.
 
-    `before`: how many shards of the same work come before these. Raises as `run_parts`.
+    `before` is the number of shards of the same work that precede these. Raises as `run_parts`.
     """
     mine = dict(share.of(list(shards.items()), before))
     if mine:

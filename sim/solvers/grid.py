@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from hw.types import Array, frozen_array
 from sim.errors import CheckpointError
@@ -22,6 +22,9 @@ from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
 from sim.storage.files import Tensors
 from sim.tasks.task import Expectations, PredictedOutcomes, Task
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 GRID, ACTIONS = 64, 64
 """Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""
@@ -225,6 +228,8 @@ class GridSolver(FromOutcomes):
 
     @cached_property
     def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, and a list of checkpoints needs none
+
         return cKDTree(self._coordinates(self.points, self.contexts))
 
 

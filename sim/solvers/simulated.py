@@ -1,4 +1,4 @@
-"""Expectations by true rollouts: what a solver answers that has only the simulator.
+"""Expectations by true rollouts, for a solver that has only the simulator.
 
 Expected rewards are means of `REWARD_ROLLOUTS` (unbiased, but noisy); trial rewards and trajectories are the
 simulator's own.

@@ -163,7 +163,7 @@ class RealLab:
         return ConfirmedArm(bare, consent, pedal, before=before)
 
     def _require_payload(self, tool: str) -> None:
-        """Raises UsageError if the rig file neither states nor waives what this tool weighs."""
+        """Raises UsageError if the rig file neither states nor waives the weight of this tool."""
         if open_gaps := tuple(gap for gap in gaps(self.rig, tool) if gap.what == "payload"):
             raise UsageError(f"nothing has moved, because of the rig file: {in_words(open_gaps)}")
 

@@ -106,7 +106,7 @@ class OwnTarget:
         return False
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
-        """See `Target`: the measured context is asked for, if the task needs it.
+        """See `Target`: asks for the measured context, if the task needs it.
 
         Raises AnswerAwaited, AnswerRefused.
         """
@@ -128,7 +128,7 @@ class OwnTarget:
         )
 
     def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
-        """See `Target`: whether the action can be done, the robot's own code knows."""
+        """See `Target`: only the robot's own code knows whether the action can be done."""
         who = self.answerer
         return PlannedTrial(
             placed.drawn,
@@ -164,7 +164,7 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """What this trial and those before it have in common that contradicts their commands."""
+        """A mistake that this trial and those before it have in common, because they contradict their actions."""
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

@@ -29,7 +29,7 @@ class SessionLogger(Protocol):
         """Keep a picture."""
 
     def close(self) -> None:
-        """Write what is not written yet."""
+        """Write everything that is not written yet."""
 
 
 OpenLogger = Callable[[Path, str, Words], SessionLogger]

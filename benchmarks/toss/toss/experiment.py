@@ -1,4 +1,4 @@
-"""The method judged on tosses that other people recorded: python -m toss.experiment TOSSES (`make tosses TOSSES=FILE`).
+"""The method tested on tosses that other people recorded: python -m toss.experiment TOSSES (`make tosses TOSSES=FILE`).
 
 A session sees one half of the recorded tosses, and each of them once; its final policy chooses among the other half.
 Each pair of a grid point and a toss is simulated once and kept in the folder `--out`. Stop it at any time: the same
@@ -60,7 +60,7 @@ CONTEXTS = 64
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """One half of the tosses, with the simulator that answers for them."""
+    """One half of the tosses, with the simulator that predicts them."""
 
     grid: GridSolver
     trials: RecordedTrials
@@ -80,7 +80,7 @@ class Half:
         return RewardTable(self.grid.points, self.grid.points, rewards)
 
     def earned_by_points(self, seed: int) -> Array:
-        """(K,) what the policies of the grid's points earn with the recordings of this half, averaged over goals."""
+        """(K,) rewards of the policies of the grid's points with the recordings of this half, averaged over goals."""
         contexts = judged_contexts(TASK, CONDITIONS, seed)
         every = range(len(self.trials))
         real = np.array([self.trials.rewards(every, np.tile(context, (len(every), 1))) for context in contexts])

@@ -57,7 +57,7 @@ METHODS: Mapping[str, MethodKind] = {
 
 
 def kind_of(name: str) -> MethodKind:
-    """The declaration of a method; of a package's, or one registered here, the usual one."""
+    """The declaration of a method. A method of a package, or one registered here, has the default declaration."""
     return METHODS.get(name, MethodKind())
 
 

@@ -32,7 +32,7 @@ class TrialSource(Protocol):
 
     @property
     def executable(self) -> Executable | None:
-        """The test for executable actions; None: all are."""
+        """The test for executable actions; None if all are executable."""
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """Run trials; their observations have the camera's noise."""
@@ -149,7 +149,7 @@ class TableTrials:
 
 @dataclass(frozen=True, eq=False)
 class FromRecordings:
-    """A `TrialSource` of recorded trials: each can be had once, and scores come from those that were held out."""
+    """A `TrialSource` of recorded trials. Each can be used once, and scores come from those that were held out."""
 
     shown: RecordedTrials
     held_out: RecordedTrials

@@ -1,4 +1,4 @@
-"""System identification: the parameters that explain the trajectories, whatever reward they give (BayesSim, as in the
+"""System identification: finds the parameters that explain the trajectories, regardless of rewards (BayesSim, as in the
 paper).
 
 Each iteration simulates its own trials again, with the executed commands and with parameters drawn from the present
@@ -141,7 +141,7 @@ class SysId:
 
 
 def _within(drawn: Array) -> Array:
-    """The rows of `drawn` (n, p) inside the ranges; without any, all of them, moved to the nearest edge."""
+    """The rows of `drawn` (n, p) inside the ranges; if there are none, all rows, moved to the nearest edge."""
     drawn = drawn[np.isfinite(drawn).all(axis=1)]
     inside = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
     return inside if len(inside) else np.clip(drawn, 0.0, 1.0 - 1e-9)

@@ -159,6 +159,42 @@ def settle_inputs(task: Task) -> tuple[np.ndarray, ...]:
     return task.parameters.middle, task.context.middle, task.action.middle, task.nuisance.middle
 
 
+TRAINED = """
+import os
+import adaptsim
+import numpy as np
+
+os.chdir("/")
+
+
+def train(samples, seed):
+    assert samples[0].ground in ("ice", "wood"), samples[0].ground
+    return np.array([samples[0].grip])
+
+
+@adaptsim.task(
+    parameters={"k": (0.2, 0.7), "ground": ["ice", "wood"]},
+    state={"x": (0, 1)},
+    duration=1,
+    reward=lambda end: 1 - abs(end.x - 0.3),
+    train=train,
+)
+def lift(p, policy):
+    return [0, 1], [0, p.k * policy[0]]
+"""
+
+
+def test_a_training_that_fails_names_its_line_and_gets_categories_by_their_words(home, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("lift.py").write_text(TRAINED)
+    task = task_of_file("lift.py")
+    assert Path.cwd() == tmp_path, "the file's own change of folder does not last"
+    line = 1 + TRAINED.splitlines().index("    return np.array([samples[0].grip])")
+    words = rf"lift.py, line {line}: `train` of the task lift fails .*ground = (ice|wood): .*no quantity 'grip'"
+    with pytest.raises(TaskError, match=words):
+        next(finding for finding in examine(task, np.random.default_rng(0)) if "policy" in finding.check)
+
+
 @pytest.mark.long
 def test_a_task_that_trains_its_policies_is_sound(home):
     pytest.importorskip("gymnasium")

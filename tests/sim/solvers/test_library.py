@@ -23,7 +23,9 @@ from sim.errors import CheckpointError, TaskError
 from sim.lab.world import Faults, Sensing, World, rollout_in
 from sim.research.pretraining import pipeline
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
+from sim.research.pretraining.grid_stage import grid_tensors, simulate_grid_share, trained
 from sim.research.pretraining.pipeline import pretrain
+from sim.rollouts.shares import Share
 from sim.solvers.library import train_library, with_library
 from sim.solvers.solver import policy_for
 from sim.tasks.library import library_of, main_file
@@ -177,6 +179,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
         assert first - len(ROLLED) == 5 * 256, "the second run simulates no grid again"
     ROLLED.clear()
     checkpoint = load_checkpoint(TASK, str(path))
+    assert checkpoint.card.simulations == 5 * 256
     method, solver = create(checkpoint.solver.task, checkpoint), checkpoint.solver
     library = library_of(solver.task)
     assert library is not None
@@ -209,3 +212,25 @@ def test_a_task_with_library_replaces_its_own_library(tmp_path):
 def test_contradictions_are_refused(wrong):
     with pytest.raises(ValueError, match=r"policies|limit|functions"):
         TrainedPolicies(train, **wrong)
+
+
+@pytest.mark.long
+def test_shares_train_the_library_and_then_simulate_its_grid(tmp_path):
+    def share(number: int) -> bool | None:
+        with ThreadPoolExecutor(2) as crew:
+            return simulate_grid_share(TASK, tmp_path, 0, Share(number, 2), crew, lambda *at: None)
+
+    assert share(1) is False, "the second share has trained nothing yet"
+    assert sorted(path.name for path in (tmp_path / "policies").iterdir()) == ["everywhere", "policy-002", "policy-004"]
+    assert share(2) is True
+    assert share(1) is True
+    files = sorted((tmp_path / "grid").iterdir())
+    before = len(ROLLED)
+    with ThreadPoolExecutor(2) as crew:
+        task = trained(TASK, tmp_path, 0, crew, lambda *at: None)
+        tensors = grid_tensors(tmp_path, task.exact(task), crew, lambda *at: None)
+        costed = len(ROLLED)
+        assert grid_tensors(tmp_path, task.exact(task), crew, lambda *at: None).keys() == tensors.keys()
+    assert costed - before == len(ROLLED) - costed < 10, "only the cost is measured: every rollout was shared"
+    assert sorted((tmp_path / "grid").iterdir()) == files
+    assert np.array_equal(tensors["grid.success"], np.ones((5, 256)))

@@ -23,7 +23,7 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.tables import build_table
+from sim.research.benchmark.tables import PlannedTable
 from sim.research.benchmark.trial_sources import TableTrials
 from sim.rollouts import Dataset, build_dataset, serial_executor
 from sim.rollouts.dataset import dataset_requests
@@ -155,7 +155,8 @@ def test_a_world_table_answers_with_the_nearest_action_and_context(monkeypatch, 
     monkeypatch.setattr(tables, "task_in", rolling_in)  # the task is not registered
     world = World("here", "rolling", "", np.array([1.2]), np.zeros(0), Unmodelled(), Sensing(), Faults())
     with serial_executor() as executor:
-        table = build_table(emulator(), "none", "scene", world, tmp_path, 256, executor, lambda done, total: None)
+        planned = PlannedTable(emulator(), "none", "scene", world, tmp_path, 256)
+        table = planned.build(executor, lambda done, total: None)
     assert np.ptp(table.requests.context) > 0.55
     place, rng = TableTrials(TASK, table), np.random.default_rng(0)
     best = place.best_actions(CONTEXTS)

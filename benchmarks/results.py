@@ -64,7 +64,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Session:
-    """What one session earned: a line of the table of sessions."""
+    """The rewards of one session: a line of the table of sessions."""
 
     part: str
     world: str
@@ -167,7 +167,7 @@ def read(table: Path) -> list[Session]:
 
 
 def write(table: Path, sessions: Iterable[Session]) -> None:
-    """Write the table, a line a session."""
+    """Write the table, with one line per session."""
     with table.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(("part", "world", "method", "seed", "reward", "after"))

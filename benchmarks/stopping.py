@@ -25,21 +25,17 @@ from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
+from world_sources import source_in
 
-from adaptsim_cli import config
-from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.judging import final_policy
 from sim.adaptation.method import ENOUGH, REFUTED, WORTHWHILE, policy_of
 from sim.adaptation.methods.adaptsim import AdaptSim, create, forecast_after
 from sim.research.benchmark.sessions import Conditions, estimated_reward, run_iterations
-from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
 from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
 from sim.tasks import get_task
-from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
 STORED = Path("docs/results/stopping.csv")
@@ -107,7 +103,8 @@ def main() -> None:
 def play(task: Task, target: BenchmarkWorld, seed: int, *, tables: bool) -> Iterator[AfterIteration]:
     """One session in a world."""
     conditions, checkpoint = Conditions(budget=10 if task.exact else 20), load_checkpoint(task)
-    solver, method, place = checkpoint.solver, create(task, checkpoint), _place(task, target, tables=tables)
+    solver, method = checkpoint.solver, create(task, checkpoint)
+    place = source_in(target, solver, tables=tables)
     assert checkpoint.reward_table is not None
     for_e = policy_for(solver, checkpoint.reward_table.candidates[:1])
     for history in run_iterations(solver, AdaptSim(method.simulators), place, conditions, seed):
@@ -129,13 +126,6 @@ def play(task: Task, target: BenchmarkWorld, seed: int, *, tables: bool) -> Iter
             hopeless=said.hopeless,
             reward=round(estimated_reward(task, final.actions, place, conditions, seed).mean, 4),
         )
-
-
-def _place(task: Task, target: BenchmarkWorld, *, tables: bool) -> TrialSource:
-    if not tables:
-        return SimulatedTrials(load_checkpoint(task).solver, target.world)
-    root = tables_folder(config.load({"task": task.name}))
-    return TableTrials(task, load_table(task, target.world, scene_key(task), root / target.set / target.name))
 
 
 def read() -> list[AfterIteration]:

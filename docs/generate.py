@@ -48,7 +48,7 @@ PAGES: Mapping[Path, Callable[[], str]] = {
 
 
 def stale() -> list[str]:
-    """The committed pages that differ from what the code says now."""
+    """The committed pages that differ from those of the present code."""
     return [str(p.relative_to(ROOT)) for p, make in PAGES.items() if not p.is_file() or p.read_text("utf-8") != make()]
 
 

@@ -1,11 +1,13 @@
 """Make the pictures of the guide again, from the program as it is.
 
     python docs/pictures.py            a few minutes; needs Chromium or Chrome
+    python docs/pictures.py session    only the pictures of that part
     python docs/pictures.py --check    exit code 1 if a screen that a picture shows has changed since
 
 A session runs in the simulated lab with its page open: camera, live page, report with numbers, film of a scoop. The
-first trial of another is answered in a terminal (tmux). The planned motion is played from the page of `adaptsim preview`; a calibration holds the board. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
-that draw each of them; a test compares.
+first trial of another is answered in a terminal (tmux). The planned motion is played from the page of `adaptsim
+preview`; a calibration holds the board. A digest of the files that draw each picture is written to
+docs/figures/pictures.json; a test compares it.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,7 +39,7 @@ WORLD = ("--task", "scooping", "--world", "cucumber", "--seed", "0")
 
 DRAWN_BY: Mapping[str, Sequence[str]] = {
     "guide-camera-view.webp": ("sim/worlds/scooping/cucumber.toml", "sim/render/renderer.py", "sim/lab/kinect.py"),
-    "guide-preview.webp": ("sim/lab/preview.py",),
+    "guide-preview.webp": ("sim/lab/preview.py", "adaptsim_cli/bench/preview.html.j2"),
     "guide-report.webp": ("adaptsim_cli/show/page.html.j2", "adaptsim_cli/screen/style.css"),
     "live-page.webp": ("adaptsim_cli/show/live.html",),
     "guide-trial.webp": (
@@ -83,7 +85,7 @@ QUALITY = 82
 
 
 def digests() -> dict[str, str]:
-    """The digest of what each picture shows."""
+    """The digest of each picture's files."""
     return {
         name: hashlib.sha256(b"".join((ROOT / file).read_bytes() for file in files)).hexdigest()[:16]
         for name, files in DRAWN_BY.items()
@@ -104,7 +106,7 @@ def shoot(page: Tab, name: str, width: int, height: int) -> None:
     Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB").save(FIGURES / name, quality=QUALITY)
 
 
-def session(page: Tab) -> None:
+def session(page: Tab, _: Path) -> None:
     """Two iterations: the live page when a trial of the second one is tracked, then the report."""
     from check_live import live_session  # noqa: PLC0415 needs a package that the check does not
 
@@ -186,7 +188,7 @@ def _numbered(lines: Sequence[str]) -> str:
     return "\n".join(rows)
 
 
-def board() -> None:
+def board(_: Tab, __: Path) -> None:
     """The calibration board in the hand, as the camera sees it, with the corners that were found."""
     from check_live import adaptsim  # noqa: PLC0415
 
@@ -209,7 +211,7 @@ def preview(page: Tab, folder: Path) -> None:
     shoot(page, "guide-preview.webp", 900, 600)
 
 
-def camera(folder: Path) -> None:
+def camera(_: Tab, folder: Path) -> None:
     """The camera's picture of the table."""
     from check_live import adaptsim  # noqa: PLC0415
 
@@ -221,23 +223,39 @@ def camera(folder: Path) -> None:
     Image.fromarray(small[..., ::-1]).save(FIGURES / "guide-camera-view.webp", quality=QUALITY)
 
 
+PARTS_OF: Mapping[str, tuple[Callable[[Tab, Path], None], Sequence[str]]] = {
+    "camera": (camera, ("guide-camera-view.webp",)),
+    "preview": (preview, ("guide-preview.webp",)),
+    "session": (session, ("live-page.webp", "guide-report.webp", "scoop.webp")),
+    "trial": (trial, ("guide-trial.webp",)),
+    "board": (board, ("board-in-hand.jpg",)),  # last: its calibration would be used by a session
+}
+"""Each part, in order: what makes it, and its pictures."""
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true")
-    if parser.parse_args().check:
+    parser.add_argument("parts", nargs="*", metavar="part", help=f"one of {', '.join(PARTS_OF)}; default: all")
+    asked = parser.parse_args()
+    parts = asked.parts or list(PARTS_OF)
+    if unknown := set(parts) - set(PARTS_OF):
+        parser.error(f"no part {', '.join(sorted(unknown))}: choose of {', '.join(PARTS_OF)}")
+    if asked.check:
         print("\n".join(outdated()) or "every picture shows the program as it is")
         return 1 if outdated() else 0
     from check_live import tab  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as home, tab(Path(home)) as page:
         os.environ["ADAPTSIM_HOME"] = home
-        camera(Path(home))
-        preview(page, Path(home))
-        session(page)
-        trial(page, Path(home))
-        board()  # its calibration would be used by a session
-    STATES.write_text(json.dumps(digests(), indent=1) + "\n", encoding="utf-8")
-    print("\n".join(f"docs/figures/{name}" for name in DRAWN_BY))
+        for part, (make, _) in PARTS_OF.items():
+            if part in parts:
+                make(page, Path(home))
+    drawn = [name for part in parts for name in PARTS_OF[part][1]]
+    before = json.loads(STATES.read_text(encoding="utf-8")) if STATES.is_file() else {}
+    now = {name: digest for name, digest in digests().items() if name in drawn}
+    STATES.write_text(json.dumps({name: (before | now)[name] for name in DRAWN_BY}, indent=1) + "\n", encoding="utf-8")
+    print("\n".join(f"docs/figures/{name}" for name in drawn))
     return 0
 
 

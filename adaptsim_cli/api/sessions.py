@@ -184,14 +184,14 @@ class Session:
         running.run_session(resolved, request, opening.open_parts, Reports().draw, silent(), view)
 
     def ask(self) -> Question:
-        """The next trial that your robot is to make; the same one until it is told.
+        """The next trial that your robot has to make; the same one until it is reported.
 
         Raises UsageError for a session in the simulated lab or on an arm of ours, and the errors of a session.
         """
         return self.asks()[0]
 
     def asks(self) -> tuple[Question, ...]:
-        """All trials that may be made now, by several robots at once; they are told in any order."""
+        """All trials that may be made now, by several robots at once; report them in any order."""
         from adaptsim_cli.api.answers import open_trials
 
         return open_trials(self._stored)
@@ -231,13 +231,7 @@ class Session:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
         stored = self._stored
         record = history.completed(stored, trial)
-        if stored.facts.curves:
-            raise UsageError(
-                f"trial {trial} of session {self.name!r} has no recording: nothing films the "
-                f"{stored.facts.object_name}. Its curves are in session.trials[{trial - 1}].track"
-            )
-        folder = stored.trial_folder(*record.position)
-        return recording.read(folder / recording.FILE)
+        return recording.read(recording.file_of(stored, record))
 
     def hindsight(self) -> Hindsight:
         """The session's checkpoint, ready to evaluate its trajectories. Raises CheckpointError."""

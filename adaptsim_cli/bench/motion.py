@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.bench.devices.mounted import MountedTask
     from adaptsim_cli.config import Config, Resolved
-    from hw.limits import LimitReport
+    from hw.limits import LimitReport, Worst
     from hw.types import Array, JointPath
     from sim.lab.preview import PathPreview
     from sim.tasks.task import Task
@@ -49,6 +49,32 @@ class PlannedMotion:
         page.surround(cell.table, area.x_m, area.y_m, cell.keep_out)
         return page
 
+    def html(self) -> str:
+        """The motion as one page without a server, with its limits."""
+        from adaptsim_cli.screen.html import fill
+
+        arm = self.mounted_task.cell.arm.name
+        words = {
+            "title": f"{self.task.name} on {arm}: {self.paths[1].duration_s:.2f} s of motion",
+            "context": f"Context: {views.values(self.task.context, self.context)}",
+            "action": f"Action: {views.values(self.task.action, self.action)}",
+            "others": "; ".join(self._others()),
+        }
+        panel = fill("bench/preview.html.j2", checks=self._by_ratio(), **words)
+        return self.page().html(words["title"], panel)
+
+    def _by_ratio(self) -> list[Worst]:
+        """The limits of the task's path, the tightest first."""
+        return sorted(self.reports[1].checks, key=lambda check: -check.ratio)
+
+    def _others(self) -> tuple[str, str]:
+        """The tightest limit of the approach, and that of the way back."""
+        first, _, last = (
+            f"{name}, {path.duration_s:.1f} s: at most {100 * report.worst.ratio:.0f} %, {report.worst}"
+            for name, path, report in zip(PATHS, self.paths, self.reports, strict=True)
+        )
+        return first, last
+
     def next_step(self, config: Config) -> tuple[str, str]:
         """The command that makes this motion, and its effect."""
         where = "" if config.is_simulated else f" --hw {config.hw}"
@@ -79,19 +105,14 @@ class PlannedMotion:
 
         from adaptsim_cli.screen import views
 
-        approach, task, back = self.reports
         head = Text.assemble(
             (f"{self.mounted_task.cell.arm.name}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion"
         )
         body = [
             (c.quantity, c.where, f"{c.t_s:.2f}", f"{c.value:.4g}", f"{c.limit:.4g} {c.unit}", f"{100 * c.ratio:.0f} %")
-            for c in sorted(task.checks, key=lambda check: -check.ratio)
+            for c in self._by_ratio()
         ]
         rows = views.rows(("limit", "where", "at s", "value", "allowed", "used"), body, right=(2, 3, 5))
-        others = [
-            Text(f"{name}, {path.duration_s:.1f} s: at most {100 * report.worst.ratio:.0f} %, {report.worst}")
-            for name, path, report in ((PATHS[0], self.paths[0], approach), (PATHS[2], self.paths[2], back))
-        ]
         return Group(
             head,
             Text(f"context {views.values(self.task.context, self.context)}"),
@@ -99,7 +120,7 @@ class PlannedMotion:
             Text(""),
             rows,
             Text(""),
-            *others,
+            *map(Text, self._others()),
         )
 
 

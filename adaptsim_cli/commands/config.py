@@ -26,20 +26,22 @@ def show(screen: Screen, resolved: Resolved) -> Reply:
     """
     from dataclasses import asdict
 
-    from adaptsim_cli.bench.rig_file import reading
     from adaptsim_cli.screen import views
 
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in resolved.config.model_dump().items()}
     body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
     if not screen.as_json:  # before the rig file, which may be damaged
         screen.show(views.rows(("setting", "value", "from"), body))
-    rig = asdict(reading.read(Path(resolved.config.rig))) if resolved.config.rig else None
-    data = {"settings": settings, "rig_file": rig}
-    if rig is None:
+    if not resolved.config.rig:
         first_day = ("adaptsim setup --hw fr3", "asks about the lab, and leads to the first trial")
-        return Reply(data, ["No rig file, so no real arm."], [first_day])
+        return Reply({"settings": settings, "rig_file": None}, ["No rig file, so no real arm."], [first_day])
+    from adaptsim_cli.bench.rig_file import reading
+
+    rig = asdict(reading.read(Path(resolved.config.rig)))
     table = views.rows((resolved.config.rig, "value"), reading.flat(rig))
-    return Reply(data, ["", table], [("adaptsim doctor", "checks that everything is ready")])
+    return Reply(
+        {"settings": settings, "rig_file": rig}, ["", table], [("adaptsim doctor", "checks that everything is ready")]
+    )
 
 
 @app.command()
@@ -59,7 +61,8 @@ def path(resolved: Resolved) -> Reply:
 @app.command()
 @command("hw", with_json=False)
 def trust(screen: Screen, resolved: Resolved) -> Reply:
-    """Confirm the files of the current folder that decide what moves, what is confirmed, or what runs.
+    """Confirm the files of the current folder that decide which motions are made, what is confirmed, or which programs
+    run.
 
     Asks about each one that is not confirmed yet, or has changed since. Nothing runs or moves.
 
@@ -89,10 +92,10 @@ def schema(
         typer.Argument(help="Command, e.g. sessions list; default: all of them."),
     ] = None,
 ) -> Reply:
-    """Print the JSON schema of what a command prints with --json: names, types, units, meanings.
+    """Print the JSON schema of the output of a command with --json: names, types, units, meanings.
 
-    `own-robot question` and `own-robot answer` are what a robot of your own is asked, and answers.
-    Without a command it lists those that take --json. Every output begins with its `version`.
+    `own-robot question` and `own-robot answer` are the question to a robot of your own, and its answer. Without a
+    command it lists those that take --json. Every output begins with its `version`.
 
     Example: adaptsim schema sessions list
     """

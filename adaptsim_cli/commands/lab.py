@@ -27,7 +27,7 @@ def show(
     resolved: Resolved,
     png: Annotated[
         Path | None,
-        typer.Option("--png", rich_help_panel=options.ADVANCED, help="Write the camera picture to this file."),
+        options.advanced("--png", "Write the camera picture to this file."),
     ] = None,
 ) -> Reply:
     """Show the true parameters of a world. For checks only: learning and tracking never read them.
@@ -56,10 +56,11 @@ def show(
         if png is not None:
             import cv2
 
+            from adaptsim_cli.screen import views
             from adaptsim_cli.storage import durable
 
             durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
-            written = [f"Written: {png}"]
+            written = [views.FileLine("Written", png)]
     data, text = _truth(resolved, task, truth)
     session = f"adaptsim run-iteration --task {chosen.task} --world {chosen.world} --seed {chosen.seed}"
     return Reply(data, [*text, *written], [(session, "a session in this world; it never sees this table")])

@@ -102,8 +102,8 @@ def preview(
     if html is not None:
         from adaptsim_cli.storage import durable
 
-        durable.replace_file(html, planned.page().html().encode())
-        written = [f"Written: {html}"]
+        durable.replace_file(html, planned.html().encode())
+        written = [views.FileLine("Written", html)]
     elif not screen.as_json:
         page = planned.page()
         screen.plain(f"The motion plays at {page.url}")

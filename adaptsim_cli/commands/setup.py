@@ -33,8 +33,8 @@ def setup(
 ) -> Reply:
     """Set up a lab: from an unpacked arm to the first trial, with a check after every step.
 
-    It asks, writes the rig file, and leads through calibration, touch-off and the first motions. A walk that was
-    stopped goes on where it was. In the simulated lab it is practised, with a rig file of its own, practice.toml.
+    It asks, writes the rig file, and leads through calibration, touch-off and the first motions. The same command
+    continues a walk that was stopped. In the simulated lab it is practised, with a rig file of its own, practice.toml.
 
     Example: adaptsim setup --hw fr3 --task scooping
     """
@@ -98,6 +98,7 @@ def parts(
     """
     from adaptsim_cli.bench import printed_parts as sheet
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import views
     from adaptsim_cli.storage import durable
 
     if out.exists():
@@ -114,7 +115,7 @@ def parts(
         for part in solids
     ]
     data = {"sheet": str(out / "parts.pdf"), "parts": rows}
-    return Reply(data, [*lines, f"Written: {out / 'parts.pdf'}"])
+    return Reply(data, [*lines, views.FileLine("Written", out / "parts.pdf")])
 
 
 def all_parts() -> tuple[Part, ...]:

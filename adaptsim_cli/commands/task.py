@@ -28,6 +28,7 @@ def new(file: _File, force: options.Force = False) -> Reply:
     Example: adaptsim task new my_task.py
     """
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import views
     from adaptsim_cli.storage import durable
     from sim.own.template import template
 
@@ -38,7 +39,7 @@ def new(file: _File, force: options.Force = False) -> Reply:
     durable.make_folder(file.absolute().parent)
     durable.replace_file(file, template(file.stem).encode())
     steps = [(f"adaptsim task check {file}", "what every task must keep"), (f"adaptsim task show {file}", "its spaces")]
-    return Reply({"file": str(file.absolute())}, [f"Written: {file}"], steps)
+    return Reply({"file": str(file.absolute())}, [views.FileLine("Written", file)], steps)
 
 
 @app.command()
@@ -52,7 +53,7 @@ def check(
 ) -> Reply:
     """Check what every task must keep: numbers, order, ranges, units, rewards, contexts.
 
-    Ends with exit code 2 if something is broken. A doubt is a question, and stops nothing.
+    Ends with exit code 2 if something is broken. A doubt is only a question, and refuses nothing.
 
     Example: adaptsim task check shuffle.py
     """

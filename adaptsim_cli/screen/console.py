@@ -19,7 +19,6 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
-from rich.style import Style
 from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
@@ -109,17 +108,16 @@ class Screen:
         self._console.print(Text(text), soft_wrap=True)
 
     def file(self, what: str, path: Path) -> None:
-        """Print what a file or folder is and its place: on a terminal short and as a link, else the whole path."""
-        path = path.absolute()
-        shown = views.place(path) if self._console.is_terminal else str(path)
-        text = Text.assemble(f"{what}: ", (shown, Style(link=path.as_uri())))
-        self._console.print(text, soft_wrap=True)
+        """Print what a file or folder is and its place (`views.FileLine`)."""
+        self.print([views.FileLine(what, path)])
 
     def print(self, text: Iterable[RenderableType]) -> None:
-        """Print each part: a string unwrapped, any other renderable as rich does."""
+        """Print each part: a string or the place of a file unwrapped, any other renderable as rich does."""
         for part in text:
             if isinstance(part, str):
                 self.plain(part)
+            elif isinstance(part, views.FileLine):
+                self._console.print(part, soft_wrap=True)
             else:
                 self.show(part)
 

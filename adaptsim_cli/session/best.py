@@ -10,11 +10,11 @@ import numpy as np
 
 from adaptsim_cli.bench.checkpoints import task_of
 from adaptsim_cli.config import Config, load
-from adaptsim_cli.errors import SessionError
+from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen.outputs.trials import as_row
 from adaptsim_cli.session.checkpoint import checkpoint_of_session
 from adaptsim_cli.session.history import history_of, results_of
-from adaptsim_cli.session.records import as_records
+from adaptsim_cli.session.records import ROLLOUT, as_records
 from adaptsim_cli.session.running import settings_of
 from adaptsim_cli.session.store import SessionStore
 
@@ -81,12 +81,14 @@ class TaskPolicy:
 
 
 def best_of(store: SessionStore, config: Config) -> BestOfSession:
-    """The best policy after the last complete iteration. Raises SessionError before the first.
+    """The best policy after the last complete iteration. Raises SessionError before the first; UsageError: a rollout.
 
     `config` provides the settings that a session does not freeze.
     """
     results = results_of(store)
     name = store.facts.name
+    if store.facts.method == ROLLOUT:
+        raise UsageError(f"session {name} is a rollout: nothing adapts in it, so it has no best policy")
     if not results:
         raise SessionError(
             f"session {name} has no complete iteration yet, so no best policy: adaptsim run-iteration --session {name}"
@@ -152,7 +154,8 @@ def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
     if size > 2:
         return cover(task.context, MOST, np.random.default_rng(0))
     steps: Sequence[Any] = [np.linspace(0.0, 1.0, A_SIDE)] * size
-    return task.context.denormalise(np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, size))
+    grid = task.context.denormalise(np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, size))
+    return np.unique(grid, axis=0)  # a category, or an integer, has fewer values than there are steps
 
 
 def _described(space: Space) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """Control trials: the pairs of a session, their result and their cost.
 
-A control trial is made in the same drawn context as a trial of the session, by another policy. Nobody is told which is
-which until their iteration is complete, and nothing learns from it.
+A control trial is made in the same drawn context as a trial of the session, by another policy. Nobody sees which is
+which until their iteration is complete, and the session learns nothing from them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stag
 
 
 def is_hidden(store: SessionStore, iteration: int) -> bool:
-    """Whether nobody may know yet whose policies acted in an iteration."""
+    """Whether it must stay hidden whose policies acted in an iteration."""
     return store.facts.layout.has_control(iteration) and store.result(iteration) is None
 
 
@@ -93,14 +93,15 @@ def planned_pairs(facts: SessionFacts) -> int:
 def power_in_words(facts: SessionFacts) -> str:
     """Which gains the planned pairs can show, in one sentence."""
     pairs = planned_pairs(facts)
-    shares = [f"{gain:.1f} in {power(gain, pairs):.0%}" for gain in GAINS]
+    first, *others = (f"{gain:.1f} in {100 * power(gain, pairs):.0f} %" for gain in GAINS)
     sentence = (
-        f"The {pairs} planned pairs show a gain of {', of '.join(shares)} of such sessions, for a success rate that "
-        f"rises to {HIGH:.2f}; lower rates need more."
+        f"The {pairs} planned pairs show a gain of {first} of such sessions, "
+        f"and {', '.join(f'of {other}' for other in others)}, where the success rate rises to {HIGH:.2f}; lower rates "
+        "need more pairs."
     )
     if facts.pairs:
         return sentence
-    return f"{sentence} With --pairs {PAIRS} it is {GAINS[0]:.1f} in {power(GAINS[0], PAIRS):.0%}."
+    return f"{sentence} With --pairs {PAIRS} they show {GAINS[0]:.1f} in {100 * power(GAINS[0], PAIRS):.0f} %."
 
 
 def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:

@@ -37,16 +37,18 @@ class Export:
     progress: Progress
 
     def recordings(self, suffix: str, encode: Callable[[Any], bytes]) -> list[Path]:
-        """A file for each trial with its recording. Raises UsageError for a task without recordings."""
+        """A file for each trial with its recording. Raises UsageError for a session without recordings."""
         from adaptsim_cli.session import replaying
         from adaptsim_cli.session.exporting import written
 
-        facts, paths = self.store.facts, list[Path]()
-        if facts.curves:
-            raise UsageError(f"the task {facts.task} has no recordings: export it as {', '.join(WITHOUT_RECORDINGS)}")
+        paths = list[Path]()
         for done, record in enumerate(self.records):
             self.progress("trials", done + 1, len(self.records))
-            trial = replaying.open_trial(self.store, record)
+            try:
+                trial = replaying.open_trial(self.store, record)
+            except UsageError as error:
+                error.add_note(f"Export it as {', '.join(WITHOUT_RECORDINGS)}.")
+                raise
             paths.append(written(self.out / f"{trial.title}.{suffix}", encode(trial)))
         return paths
 
@@ -67,7 +69,7 @@ class Export:
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """One format, whole: a row of `FORMATS`."""
+    """Everything about one format; a row of `FORMATS`."""
 
     suffix: str  # of the default name: .csv for a file, -mcap for a folder
     write: Callable[[Export], list[Path]]  # returns the written paths

@@ -81,8 +81,8 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
     """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
     trials = {trial.trial: trial for trial in played_of(store)}
     if number not in trials:
-        listing = ", ".join(map(str, trials)) or "none"
-        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {listing}")
+        listing = ", ".join(map(str, trials)) or "none yet"
+        raise UsageError(f"trial {number} of {store.facts.name} is not complete; complete trials: {listing}")
     return trials[number]
 
 

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from zstandard import ZstdError
 
 from adaptsim_cli.bench.rig import Recording
-from adaptsim_cli.errors import SessionError
+from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import topics
-from adaptsim_cli.session.records import corrupt
+from adaptsim_cli.session.records import TrialRecord, corrupt
+from adaptsim_cli.session.store import PRUNED, SessionStore
 from hw.bounded import decode_image
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
 from perception.types import ObjectTrack
@@ -62,7 +63,7 @@ class StoredFrame:
 
 
 def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
-    """Compress a frame, and decode it again for the tracker, which sees only what is stored.
+    """Compress a frame, and decode it again for the tracker, which sees only the stored pictures.
 
     Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
     """
@@ -79,7 +80,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
 
 @dataclass(frozen=True, eq=False)
 class PartialRecording:
-    """A recording in memory, whole but for the picture with the arm at home again."""
+    """A recording in memory, complete except for the picture with the arm at home again."""
 
     recording: Recording
     _file: _Mcap
@@ -186,9 +187,20 @@ class _Mcap:
         return self._stream.getvalue()
 
 
+def file_of(store: SessionStore, record: TrialRecord) -> Path:
+    """The recording of a completed trial; it may have been pruned. Raises UsageError if nothing filmed the trial."""
+    folder = store.trial_folder(*record.position)
+    if FILE not in record.checksums and not any((folder / name).exists() for name in (FILE, PRUNED)):
+        raise UsageError(
+            f"session {store.facts.name} has no recordings, because no camera of adaptsim filmed its trials; "
+            f"adaptsim report {store.facts.name} shows their trajectories"
+        )
+    return folder / FILE
+
+
 def read(path: Path) -> Recording:
     """Read a recording back. Raises SessionError naming the file if it is corrupt or was pruned."""
-    if not path.exists() and path.with_name("pruned.json").exists():
+    if not path.exists() and path.with_name(PRUNED).exists():
         raise SessionError(
             f"{path} was removed with adaptsim sessions prune, to free disk space: the numbers and key moments of this "
             "trial are still there, its recording is not. Restore it from a copy"

@@ -1,7 +1,7 @@
 """Is this your table? The first trial of a robot of one's own, over the simulator's expectation of it.
 
-Units, frames and columns of somebody else's code can be wrong in ways that no range refuses: degrees pass as radians.
-A person sees it at the first trial.
+Units, frames and columns of other people's code can be wrong although every value is in its range, for example degrees
+instead of radians. A person sees it at the first trial.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from sim.tasks.task import Expectations
 PAGE = "first-trial.html"
 
 DRAWN = 64
-"""Number of parameter sets from the whole range of training, each with its expected trajectory."""
+"""Number of parameter sets from the whole range of training, each with its predicted trajectory."""
 
 MARGIN = 0.1
-"""An end is outside if it lies this share of the task's observation range beyond all expected ones: place and action
+"""An end is outside if it lies this share of the task's observation range beyond all predicted ones: place and action
 of a real trial have errors too.
 """
 
@@ -48,7 +48,7 @@ class ReportedEnd:
     name: str
     unit: str
     reported: float
-    low: float  # of the expected ends
+    low: float  # of the predicted ends
     high: float
     margin: float  # still plausible beyond them
 
@@ -64,8 +64,8 @@ class ReportedEnd:
 
     @property
     def in_words(self) -> str:
-        """`x 0.70 m (expected 0.61 m to 0.84 m)`."""
-        return f"{self.name} {quantity(self.reported, self.unit)} (expected {self.expected})"
+        """`x 0.70 m (predicted 0.61 m to 0.84 m)`."""
+        return f"{self.name} {quantity(self.reported, self.unit)} (predicted {self.expected})"
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class FirstLook:
 
     @property
     def setting(self) -> str:
-        """Where its trials happen, in a word: only a task with a path on the table has one."""
+        """Where its trials are made: "table" for a task with a path on the table, else "robot"."""
         return "robot" if self.curves else "table"
 
     @property
@@ -141,18 +141,18 @@ class _Looking(AllOf):
         if record.trial > 1:
             return
         try:
-            with self._screen.busy("Drawing the first trial over the expected ones", "drawing"):
+            with self._screen.busy("Drawing the first trial over the predicted ones", "drawing"):
                 look = FirstLook.of(self._store, self._expectations, record)
                 path = look.write(self._store.folder)
         except SessionError as error:
-            self._screen.note(f"The first trial is not drawn over the expected ones: {error}")
+            self._screen.note(f"The first trial is not drawn over the predicted ones: {error}")
             return
         self._screen.note(look.in_words)
-        self._screen.file("  Its trajectory over the expected ones", path)
+        self._screen.file("  Its trajectory over the predicted ones", path)
 
 
 def with_first_look(open_view: OpenView) -> OpenView:
-    """The same view; with a robot of one's own the first trial is shown over the expected ones."""
+    """The same view; with a robot of one's own the first trial is shown over the predicted ones."""
 
     @contextmanager
     def view(screen: Screen, store: SessionStore, parts: SessionParts) -> Iterator[Watcher]:

@@ -55,7 +55,7 @@ def hand_written() -> list[Path]:
 
 
 def _written(value: float, old: str, *, is_share: bool) -> str:
-    """`value` in the way of the number that it replaces, with a true minus."""
+    """`value` in the format of the number that it replaces, with a true minus."""
     decimals = len(old.partition(".")[2])
     sign = "+" if old[0] in "+−-" else ""
     return f"{100.0 * value if is_share else value:{sign}.{decimals}f}".replace("-", "−")
@@ -82,14 +82,16 @@ def mean(part: str, method: str, world: str = "", *, after: int = 0, sessions: i
 
 
 def gains(part: str, over: str = "udr") -> Rewards:
-    """What `adaptsim` earns more than another method in each world."""
+    """The reward of `adaptsim` minus that of another method in each world."""
     other = _rewards(part, over, 0, 1_000)
     return {world: reward - other[world] for world, reward in _rewards(part, "adaptsim", 0, 1_000).items()}
 
 
 @cache
 def lead(part: str, over: str = "udr", *, end: int = 0) -> float:
-    """What `adaptsim` earns more in the same worlds with the same seeds; `end` −1 and 1: the ends of its 95 % interval."""
+    """The mean reward of `adaptsim` minus that of another method, in the same worlds with the same seeds; `end` −1 and
+    1: the ends of its 95 % interval.
+    """
     ours, theirs = (results.by_world(_sessions(part), method) for method in ("adaptsim", over))
     units = np.array([np.mean([ours[w][s] - reward for s, reward in seeds.items()]) for w, seeds in theirs.items()])
     return results.interval(units)[end > 0] if end else float(units.mean())
@@ -97,7 +99,9 @@ def lead(part: str, over: str = "udr", *, end: int = 0) -> float:
 
 @cache
 def change(part: str, before: str, method: str, *, sessions: int = 1_000, end: int = 0) -> float:
-    """What a method earns more in the worlds of a part than before in the same worlds; `end` as of `lead`."""
+    """The mean reward of a method in the worlds of a part minus that in an earlier part with the same worlds; `end` as
+    in `lead`.
+    """
     now, then = (_rewards(one, method, 0, sessions) for one in (part, before))
     units = np.array([reward - then[world] for world, reward in now.items()])
     return results.interval(units)[end > 0] if end else float(units.mean())

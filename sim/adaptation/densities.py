@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
 
 from hw.types import Array
 from sim.rollouts.draws import sobol
@@ -55,6 +54,8 @@ class Kernels:
 
     def log_density(self, points: Array) -> Array:
         """(N, p) -> (N,)"""
+        from scipy.special import logsumexp  # noqa: PLC0415 - slow to import, and a list of checkpoints needs none
+
         p = self.centres.shape[1]
         at, centres = (np.linalg.solve(self.factor, one.T).T for one in (points, self.centres))
         squared = (at**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * at @ centres.T

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from hw.types import Array
 from sim.adaptation.densities import Prior, unit_points
@@ -118,6 +117,8 @@ def begun_with(reward_table: RewardTable, task: Task, samples: Array, weights: A
 
     `reward_table` is that of the checkpoint. A new truth has the rewards of the nearest one in it.
     """
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, and few sessions begin so
+
     space = task.margin
     low, high = space.physical
     physical = space.normalise(low), space.normalise(high)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from sim.types import Visual
 FRAMES_PER_S = 30.0
 SEEN_M = 1.5
 """What stands around an arm is drawn up to this far from the arm's base, along each axis."""
+_MESHCAT_TITLE = "<title>Drake MeshCat</title>"
 _LIFT_M = 0.002  # of the work area, so that it lies above the table top
 _AREA, _BOX = Rgba(0.2, 0.6, 0.3, 0.4), Rgba(0.8, 0.2, 0.1, 0.25)
 
@@ -88,9 +90,10 @@ class PathPreview:
         """The address for a browser on this machine."""
         return str(self._meshcat.web_url())
 
-    def html(self) -> str:
-        """The same as one page without a server."""
-        return str(self._meshcat.StaticHtml())
+    def html(self, title: str, panel: str) -> str:
+        """The same as one page without a server, with the HTML `panel` over it."""
+        page = str(self._meshcat.StaticHtml())
+        return page.replace(_MESHCAT_TITLE, f"<title>{escape(title)}</title>", 1).replace("<body>", f"<body>{panel}", 1)
 
     def _add(self, index: int, visual: Visual) -> None:
         red, green, blue = (_display(value) for value in visual.rgb)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
-from functools import partial
+from dataclasses import MISSING, dataclass, fields, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
@@ -28,7 +28,7 @@ from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
 from sim.tasks import declared_worlds, files_of, task_names
 from sim.tasks.library import library_of
-from sim.tasks.task import Simulate, Task
+from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
 _Tilt = Annotated[float, Field(ge=-50, le=50)]
@@ -268,18 +268,28 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
     """Values of `space` from a table. A missing one has its default; else, in an optional table, its middle."""
-    types: dict[str, Any] = {
-        d.name: (
-            int | str if d.words else int if d.scale == "integer" else float,
-            _left_out(d, float(middle), required=required),
+    types = tuple(
+        (
+            d.name,
+            (
+                int | str if d.words else int if d.scale == "integer" else float,
+                _left_out(d, float(middle), required=required),
+            ),
         )
         for d, middle in zip(space.dimensions, space.middle, strict=True)
-    }
-    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
+    )
+    model = _check(_model(table, types), raw, source, table)
     values = [_index(d, getattr(model, d.name), source, table) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
     return frozen_array(values)
+
+
+@cache  # it takes 10 ms to make, and a list of worlds needs it for each of them
+def _model(table: str, types: tuple[tuple[str, tuple[Any, Any]], ...]) -> type[BaseModel]:
+    """The model of a table with these keys: (type, default) of each."""
+    named: dict[str, Any] = dict(types)
+    return create_model(table, __base__=HandWritten, **named)
 
 
 def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
@@ -330,16 +340,22 @@ def _possible(dimension: Dimension, value: float, source: str, table: str) -> No
 
 def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -> _Kind:
     """A frozen dataclass from a table, every key checked against the field's annotation."""
-    hints = get_type_hints(kind, include_extras=True)
-    types: dict[str, Any] = {}
-    for field in fields(cast("Any", kind)):
-        default = field.default if field.default_factory is MISSING else field.default_factory()
-        types[field.name] = (hints[field.name], ... if default is MISSING else default)
-    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
+    model = _check(_model_of(cast("Any", kind), table), raw, source, table)
     try:
         return kind(**dict(model))
     except (ValueError, OutOfRange) as error:
         raise WorldError(f"{source}: [{table}] {error}") from error
+
+
+@cache
+def _model_of(kind: Any, table: str) -> type[BaseModel]:
+    """The model of a table with the fields of a dataclass."""
+    hints = get_type_hints(kind, include_extras=True)
+    types: dict[str, Any] = {}
+    for field in fields(kind):
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        types[field.name] = (hints[field.name], ... if default is MISSING else default)
+    return create_model(table, __base__=HandWritten, **types)
 
 
 def _faults(raw: Mapping[str, Any], source: str) -> Faults:
@@ -351,27 +367,13 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
     return faults
 
 
-def rollouts_in(world: World, task: Task | None = None) -> Simulate:
-    """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
+def rollout_in(world: World, context: Array, action: Array, task: Task | None = None) -> ObjectTrack:
+    """A rollout at a context (c,) by an action (a,): parameters, nuisance and effects are the world's.
 
-    `task` is the one of the checkpoint: where policies are trained, it knows them.
-
-    It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
+    `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
+    physics is not installed, RolloutError if the task's code fails.
     """
-    knows_policies = task is not None and library_of(task) is not None
-    return partial(_simulate, world, task if knows_policies else None)
-
-
-def _simulate(
-    world: World,
-    task: Task | None,
-    parameters: Array,
-    context: Array,
-    action: Array,
-    nuisance: Array,
-    unmodelled: Any = None,
-) -> ObjectTrack:
-    simulate = simulate_of(world.task, world.physics) if task is None else task.simulate
+    simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
     try:
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:
@@ -381,3 +383,23 @@ def _simulate(
             f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
             f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
         ) from error
+
+
+def task_in(world: World, task: Task) -> Task:
+    """The task whose rollouts are those of the world, one by one: stacks would know nothing of its effects."""
+    knows_policies = library_of(task) is not None
+    simulate = partial(_simulate_in, world, task if knows_policies else None)
+    return replace(task, simulate=simulate, simulate_many=None)
+
+
+def _simulate_in(
+    world: World,
+    task: Task | None,
+    parameters: Array,
+    context: Array,
+    action: Array,
+    nuisance: Array,
+    unmodelled: Any = None,
+) -> ObjectTrack:
+    """A `Simulate` that can be sent to another process; only context and action count."""
+    return rollout_in(world, context, action, task)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hw.collision import box_clearance, self_clearance, table_clearance
 from hw.joint_limits import JointLimits
 from hw.kinematics import link_poses
+from hw.limits import Worst
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
@@ -54,8 +55,18 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
         report = cell.check(path, q_from_rad)
         if report.ok:
             return path
-        reason = str(report.worst)
-    raise NotExecutable(f"{cell.arm.name}: no free way there: {reason}; clear the workspace")
+        reason = _in_words(report.worst)
+    raise NotExecutable(f"no way leads there: {reason}")
+
+
+def _in_words(worst: Worst) -> str:
+    """What is in the way: two bodies that come too close, or another limit."""
+    if worst.unit != "m" or worst.value > worst.limit:
+        return str(worst)
+    apart_mm, least_mm = 1e3 * worst.value, 1e3 * worst.limit
+    if apart_mm < 0.0:
+        return f"{worst.where} would overlap by {-apart_mm:.0f} mm"
+    return f"{worst.where} would be {apart_mm:.1f} mm apart, and at least {least_mm:.0f} mm are needed"
 
 
 def _ways(q_from: Array, q_to: Array, q_home: Array, limits: JointLimits) -> Iterator[JointPath]:

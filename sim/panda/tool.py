@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,11 @@ from hw.kinematics import FLANGE
 from hw.mass import Mass
 from hw.poses import pose
 from hw.types import Array, frozen_array
-from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 from sim.errors import UnknownName
 from sim.types import ToolMotion
+
+if TYPE_CHECKING:
+    from hw.workcell import Workcell
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +75,8 @@ def held(
 ) -> Tool:
     """The hand with a tool at X_FT (4, 4), which has the mass `mass_T` in the tool frame.
 
-    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; `touching_T` too, but they may touch the
-    table, first with the points `points_T_m` (P, 3) in the tool frame.
+    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes. `touching_T` must stay clear of arm and
+    boxes, but may touch the table, first with the points `points_T_m` (P, 3) in the tool frame.
     """
 
     def in_flange(p_T_m: ArrayLike) -> Array:
@@ -95,6 +97,8 @@ def tool_of(hardware: Held) -> Tool:
 
 def cell_as_shipped(hardware: Held, model: str) -> Workcell:
     """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
+    from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model  # noqa: PLC0415 - slow to import, and tasks are named without an arm
+
     return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N, np.array(STOPS_AT_NM))
 
 

@@ -71,7 +71,7 @@ def test_a_recording_is_read_by_its_trial(store):
     assert len(found.frames) > 2
     path = store.folder / "iteration-01/trial-001-attempt-1/recording.mcap"
     assert np.array_equal(api.read_recording(path).execution.q_measured_rad, found.execution.q_measured_rad)
-    with pytest.raises(UsageError, match=r"trial 99 .* completed are 1, 2, 3, 4"):
+    with pytest.raises(UsageError, match=r"trial 99 .* complete trials: 1, 2, 3, 4"):
         session.recording(99)
 
 

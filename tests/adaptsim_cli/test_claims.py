@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -10,14 +11,15 @@ import pytest
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 from adaptsim_cli.screen import views
+from adaptsim_cli.session.advice import HEADLINES
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.judging import SAME_ACTION
 from sim.adaptation.method import FAILED
-from sim.adaptation.verdict import Kind
+from sim.adaptation.verdict import Kind, Verdict
 from sim.tasks import get_task
 
-METHODS = ("adaptsim", "adaptsim", "adaptsim-belief", "random", "udr")
+METHODS = ("adaptsim", "adaptsim", "adaptsim-belief", "random", "udr", "bo", "adaptsim-iteration")
 BEST = re.compile(
     r"Best policy: (?:(not yet tried)|that of trials? ([0-9, andto]+) \((?:mean )?reward ([\d.]+)\), "
     r"chosen (?:after (\d+) trials?|before the first trial))\. The simulator now: (.+?)\. (?=[A-Z])"
@@ -39,6 +41,17 @@ def trials_named(listed: str) -> list[int]:
     """The trials that a list such as "2, 5 and 7 to 9" names."""
     spans = re.findall(r"(\d+)(?: to (\d+))?", listed)
     return [trial for first, last in spans for trial in range(int(first), int(last or first) + 1)]
+
+
+def check_verdicts(judged: Sequence[Verdict], said: str, threshold: float) -> None:
+    for verdict, (reward, low, high) in zip(judged, VERDICT.findall(said), strict=True):
+        assert float(reward) == pytest.approx(verdict.reward, abs=0.0051)
+        if high:
+            assert (float(low), float(high)) == pytest.approx(verdict.ci95, abs=0.0051)
+            assert low != high, "an interval has a width, or is a dash"
+    below = [verdict for verdict in judged if verdict.kind is Kind.STAYS_LOW]
+    assert said.count(HEADLINES[Kind.STAYS_LOW]) == len(below)
+    assert all(verdict.reward < threshold for verdict in below)
 
 
 @pytest.mark.long
@@ -68,11 +81,7 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
         params = np.array([result.best.params[name] for name in task.parameters.names])
         assert now == views.values(task.parameters, params)
     judged = [result.verdict for result in results if result.verdict.kind is not Kind.TOO_FEW]
-    for verdict, (reward, low, high) in zip(judged, VERDICT.findall(said), strict=True):
-        assert float(reward) == pytest.approx(verdict.reward, abs=0.0051)
-        if high:
-            assert (float(low), float(high)) == pytest.approx(verdict.ci95, abs=0.0051)
-            assert low != high, "an interval has a width, or is a dash"
+    check_verdicts(judged, said, task.adaptation.threshold)
     printed = TRIAL.findall(said)
     for trial, (predicted, low, high, reward, again) in zip(trials, printed, strict=True):
         assert predicted == again == f"{trial.predicted_reward:.2f}", "one prediction is one number"

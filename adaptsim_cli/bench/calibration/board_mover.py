@@ -41,7 +41,7 @@ class BoardMover(Protocol):
         """The places to visit, in order; `done` are those with a view."""
 
     def series(self) -> AbstractContextManager[None]:
-        """Say what the series does, before its first motion; around all of it. Raises UsageError."""
+        """Announce the series before its first motion; a context manager around all of it. Raises UsageError."""
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""
@@ -71,7 +71,7 @@ class Automatic:
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
             )
         if not self.unattended:
-            self.screen.show("Is the board firm in the gripper? Watch the first motion; the others are like it.")
+            self.screen.show("The board must be firm in the gripper. Watch the first motion: the others are like it.")
         others = f"brings the board to the other places, {len(self.q_rad)} in all, and back, without asking again"
         return self.rig.release.run("brings the board to its first place, slowly", others)
 

@@ -74,7 +74,7 @@ def calibrate(
     """
     setup = files.setup_record(rig.camera.model(), rig.board, rig.arm.model, rig.X_FM)
     series, begun = store.series(setup, fresh=fresh)
-    screen.plain(f"  Views: {series.folder}")
+    screen.file("  Views", series.folder)
     board_views = _seen_before(series, rig, screen) if begun else BoardViews()
     _ready(rig, screen)
     board_views = visit_all(rig, series, mover, screen, board_views)
@@ -246,7 +246,7 @@ def conclude(solved: SolvedFolder, store: CalibrationStore, views: Path, screen:
             advice += "; without it, the same views are used again and you touch the corner again"
         raise rejected(solved, views / REPORT, advice)
     folder = store.save(solved.record, page)
-    screen.plain(f"Report: {folder / REPORT}")
+    screen.file("Report", folder / REPORT)
     return folder
 
 
@@ -257,7 +257,7 @@ def show_arm(solved: SolvedFolder, path: Path, screen: Screen) -> None:
     except UnusableViews:
         return
     durable.replace_file(path, drawn.sheet())
-    screen.plain(f"Look at {path}: the lines must lie on the edges of the arm")
+    screen.file("Look whether the lines lie on the edges of the arm", path)
     screen.note(f"  {drawn.sentence}")
 
 

@@ -22,7 +22,7 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm
 from adaptsim_cli.screen.reply import Reply
-from adaptsim_cli.screen.views import badge
+from adaptsim_cli.screen.views import FileLine, badge
 from adaptsim_cli.storage import durable
 from calib import checks
 from calib.errors import CalibrationMissing
@@ -111,7 +111,9 @@ def check(
 
 
 def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen) -> Reply:
-    """Solve views recorded elsewhere. Raises ViewFolderError, PerceptionError; a rejected result is the failure."""
+    """Solve views recorded elsewhere. Raises ViewFolderError and PerceptionError; a rejected result is returned as the
+    failure.
+    """
     with screen.busy("Finding the board and solving"):
         solved = solve_folder(folder.absolute(), options=options)
     for sentence in solved.recognised:
@@ -126,7 +128,7 @@ def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen)
     path = (out or folder / REPORT).absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
-    screen.plain(f"Report: {path}")
+    screen.file("Report", path)
     prefix = f"{path.stem}." if out else ""  # reports with names of their own do not share the files beside them
     flow.show_arm(solved, path.with_name(prefix + pictures.ARM_PICTURE), screen)
     table = path.with_name(prefix + RESIDUALS)
@@ -159,7 +161,7 @@ def overlay(folder: Path, out: Path | None, screen: Screen) -> Reply:
         durable.replace_file(into / f"{name}.jpg", pictures.jpeg(picture))
     sheet = into / pictures.ARM_PICTURE
     durable.replace_file(sheet, drawn.sheet())
-    screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
+    screen.file("Look whether the lines lie on the edges of the arm", sheet)
     screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
     files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
     data = {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files}
@@ -178,7 +180,7 @@ def solve_cameras(
     path = out.absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, together.content(solution))
-    screen.print([together.show(solution), f"Written: {path}"])
+    screen.print([together.show(solution), FileLine("Written", path)])
     data = together.as_json(solution) | {"file": str(path)}
     if not solution.accepted:
         return Reply(data, failure=together.rejected(solution, path))
@@ -202,7 +204,7 @@ def board(
     durable.make_folder(path.parent)
     with screen.busy("Drawing the board"):
         durable.replace_file(path, printing.page(printed, paper, out.suffix))
-    screen.plain(f"Written: {path}")
+    screen.file("Written", path)
     record = printing.remember(resolved.places.data, printed, width_mm)
     if width_mm is None:
         screen.note(

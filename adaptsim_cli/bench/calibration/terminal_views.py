@@ -44,16 +44,13 @@ def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:
 def view(
     done: int, total: int, corners: int, of: int, pose: BoardPose, have: Coverage, picture: Path
 ) -> RenderableType:
-    """One line for a view, and the missing coverage."""
+    """One line for a view."""
     tilt = float(np.linalg.norm(have.tilts_deg[-1]))
-    head = Text.assemble(
+    return Text.assemble(
         (f"  {done:2d} of {total}", "bold"),
         f"  {corners:2d} of {of} corners, {pose.rms_px:.2f} px, tilt {tilt:2.0f}°, {have.distances_m[-1]:.2f} m  ",
         (picture.name, "dim"),
     )
-    if not have.missing:
-        return head
-    return Group(head, Padding(Text(f"missing: {have.missing[0]}", style="yellow"), (0, 0, 0, 10)))
 
 
 def calibration(record: SavedCalibration) -> RenderableType:
@@ -107,7 +104,7 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
 
 def description(record: SavedCalibration, path: Path) -> Sequence[RenderableType]:
     """One calibration, and its report."""
-    return calibration(record), f"Report: {path / REPORT}"
+    return calibration(record), views.FileLine("Report", path / REPORT)
 
 
 def listing_row(record: SavedCalibration, path: Path) -> dict[str, Any]:

@@ -90,6 +90,22 @@ def _libraries(lab: Examined) -> Finding:
     return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")
 
 
+OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python-headless", "opencv-contrib-python")
+"""The packages that write the module cv2, each over the files of another."""
+
+
+@check(PROGRAM, "OpenCV", "make setup")
+def _opencv(lab: Examined) -> Finding:
+    builds = [name for name in OPENCV if readings.installed(name) is not None]
+    if not builds:
+        return missing("no package with the module cv2 is installed")
+    if len(builds) == 1:
+        return ok(f"{builds[0]} alone")
+    listed = f"{', '.join(builds[:-1])} and {builds[-1]}"
+    again = f"pip uninstall -y {' '.join(builds)}, then pip install {OPENCV[0]}"
+    return advice(f"{listed} write the same module cv2, so its files may be of two versions", again)
+
+
 REGISTRIES: Mapping[str, Registry[Any]] = {
     registry.group: registry
     for registry in (

@@ -34,7 +34,7 @@ FAR_M = 0.05
 """An end of the tool that seems farther from the expected table is not set down, or the rig file is of another lab."""
 TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
-_KEPT = "Nothing was stored; what was known of table and tool before stays in use."
+_KEPT = "Nothing was stored; a touch-off that is in use stays in use."
 _SHARED = (
     "Set down by its edge, the tool cannot tell its own height from the table's: only the sum is measured, and that is "
     "the edge over the table."

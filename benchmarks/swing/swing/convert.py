@@ -23,11 +23,11 @@ def convert(checkout: Path, folder: Path) -> Sequence[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for run in runs:
-        table = np.genfromtxt(run, delimiter=",", names=True, dtype=np.float32)
-        assert table.dtype.names is not None
+        names = run.read_text(encoding="utf-8").splitlines()[0].split(",")
+        columns = np.loadtxt(run, delimiter=",", skiprows=1, dtype=np.float32, ndmin=2).T
         day, time = run.parts[-3:-1]
         written.append(folder / f"design_C.1__sys_id__{day}__{time}__trajectory.npz")
-        np.savez_compressed(written[-1], **{name: table[name] for name in table.dtype.names})
+        np.savez_compressed(written[-1], allow_pickle=True, **dict(zip(names, columns, strict=True)))
     return written
 
 

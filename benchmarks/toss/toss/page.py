@@ -1,4 +1,4 @@
-"""The page of the results: what the method earns on tosses that other people recorded."""
+"""The page of the results: rewards of the methods on tosses that other people recorded."""
 
 from __future__ import annotations
 
@@ -93,10 +93,10 @@ def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
 
 
 def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
-    """How far off the simulator ends: with each toss's own best point, with the best point of all, and how far the ends
-    of neighbouring points are apart.
+    """The error of the simulated ends with each toss's own best point and with the best point of all, and the distance
+    between the ends of neighbouring points.
     """
-    _, ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1])
+    ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1]).end_state
     real = np.stack([track.state[-1, :2] for track in tosses.tracks])
     off_m = np.linalg.norm(ends[0, ..., :2] - real[:, None], axis=-1)
     unit = TASK.parameters.normalise(grid.points)

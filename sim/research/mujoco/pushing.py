@@ -20,6 +20,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.research.mujoco.contact import add_pair, set_softness
 from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, run, set_inertia, written
+from sim.tasks.pushing.bottle import rest_pose, sink_m
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_MASS_KG, PLATE_THICKNESS_M, PLATE_WIDTH_M
 from sim.tasks.pushing.params import (
     ACTION,
@@ -41,8 +42,6 @@ from sim.tasks.pushing.scene import (
     SLOSH_DAMPING_RATIO,
     SLOSH_LIMIT_M,
     SLOSH_RAD_S,
-    rest_pose,
-    sink_m,
 )
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.gravity import gravity_m_s2

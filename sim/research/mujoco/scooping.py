@@ -26,10 +26,10 @@ from sim.tasks.scooping.params import (
     SQUARE_LIP_M,
     ScoopingUnmodelled,
 )
-from sim.tasks.scooping.piece import SLOPE, Piece, blade, sink_m
+from sim.tasks.scooping.piece import SLOPE, Piece, blade, piece_of, sink_m
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M, plan
 from sim.tasks.scooping.rollout import course_of, rest_pose, track_of
-from sim.tasks.scooping.scene import FLEX_TIME_S, piece_of
+from sim.tasks.scooping.scene import FLEX_TIME_S
 from sim.tasks.scooping.spatula import BLADE_MASS_KG, HANDLE_RISE_RAD, NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.contact import RELAXATION_TIME_S, vector

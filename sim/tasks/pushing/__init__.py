@@ -2,7 +2,7 @@
 
 from perception.types import Outcome
 from sim.tasks.hardware import Hardware, Standing
-from sim.tasks.pushing import mount, params, plan, rollout, scene
+from sim.tasks.pushing import bottle, mount, params, plan, rollout
 from sim.tasks.task import LabReport, Task
 
 HARDWARE = Hardware(
@@ -10,10 +10,10 @@ HARDWARE = Hardware(
     tool_mass=mount.TOOL_MASS,
     keep_clear=mount.KEEP_CLEAR,
     plan=plan.plan,
-    build_scene=scene.build_scene,
-    time_step_s=scene.time_step_s,
-    rest_pose=scene.rest_pose,
-    weighing=("bottle_mass_scale", scene.bottle_mass_kg),
+    build_scene=rollout.build_scene,
+    time_step_s=params.time_step_s,
+    rest_pose=bottle.rest_pose,
+    weighing=("bottle_mass_scale", bottle.bottle_mass_kg),
     course=rollout.course_of,
     tracker="bottle",
     edge_m=mount.PLATE_THICKNESS_M,

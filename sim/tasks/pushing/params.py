@@ -239,3 +239,11 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "contact": ("lagged", "sap"),
 }
 """The plausible range of each effect; for the contact law, training's and the other one."""
+
+
+STEP_S = 0.0025
+
+
+def time_step_s(unmodelled: PushingUnmodelled | None) -> float:
+    """The time step of the plant for `build_scene`, s."""
+    return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s

@@ -8,25 +8,31 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
+from sim.tasks.hardware import SceneBodies
+from sim.tasks.pushing.bottle import on_table, rest_pose
 from sim.tasks.pushing.params import (
     BOTTLE_RADIUS_M,
     GOAL_SCALE_M,
     TIPPED_RAD,
     PushingUnmodelled,
     goal_m,
+    time_step_s,
 )
 from sim.tasks.pushing.plan import plan
-from sim.tasks.pushing.scene import build_scene, on_table, rest_pose, time_step_s
 from sim.tasks.shared.carriage import Compliance, drive_of
-from sim.tasks.shared.direct import Drake
 from sim.tasks.shared.readings import Course, Moment, Readings, read, reading_before_s
 from sim.types import ToolMotion
+
+if TYPE_CHECKING:
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import Frame
 
 LEAD_S = 0.020
 """The rollout starts at least this long (s) before the plate touches."""
@@ -56,16 +62,32 @@ def simulate(
     return track_of(readings(plan(context, action), X_BO, parameters, nuisance, unmodelled))
 
 
+def build_scene(
+    plant: MultibodyPlant,
+    tool_parent: Frame,
+    X_PT: Array,
+    parameters: Array,
+    nuisance: Array,
+    unmodelled: PushingUnmodelled | None,
+) -> SceneBodies:
+    """See `sim.tasks.hardware.BuildScene`."""
+    from sim.tasks.pushing import scene  # noqa: PLC0415 - Drake is slow to import, and tasks are named without it
+
+    return scene.build_scene(plant, tool_parent, X_PT, parameters, nuisance, unmodelled)
+
+
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
+    from sim.tasks.shared.direct import Drake  # noqa: PLC0415 - slow to import, and tasks are named without
+
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Course:
-    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; the rest does not enter."""
+    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; only this part enters."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     latest_s = float(motion.t_s[-1]) + SETTLE_S

@@ -31,10 +31,10 @@ from pydrake.multibody.tree import (
 )
 
 from hw.dynamics import GRAVITY_M_S2
-from hw.poses import translation
 from hw.types import Array
 from sim.errors import OutOfRange
 from sim.tasks.hardware import SceneBodies
+from sim.tasks.pushing.bottle import on_table
 from sim.tasks.pushing.mount import PLATE_CENTRE_M, PLATE_M, PLATE_MASS_KG, pusher_visuals
 from sim.tasks.pushing.params import (
     BASE_E_PA,
@@ -47,7 +47,6 @@ from sim.tasks.pushing.params import (
     PATCH_SIZE_M,
     PATCH_X_M,
     PLATE_FRICTION,
-    START_M,
     PushingUnmodelled,
 )
 from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
@@ -56,12 +55,6 @@ from sim.tasks.shared.shapes import TABLE_CORNERS_M, box, obj_text, table_visual
 from sim.types import Visual
 
 _FAR_BELOW_M = -1.0
-
-
-def on_table(xy_m: Array) -> bool:
-    """Whether a point lies over the table."""
-    (x0, y0), (x1, y1) = TABLE_CORNERS_M[:, :2]
-    return bool(x0 <= xy_m[0] <= x1 and y0 <= xy_m[1] <= y1)
 
 
 def _table_around(x_m: tuple[float, float], y_m: tuple[float, float]) -> Mesh:
@@ -116,7 +109,6 @@ def bottle_visual(body: str) -> Visual:
 
 TOOL = "pusher"
 OBJECT = "bottle"
-STEP_S = 0.0025
 MESH_M = 0.0125
 """Edge length of the meshes of base and band: sixteen sides around."""
 DISSIPATION_S_M = 10.0
@@ -131,11 +123,6 @@ SLOSH_RAD_S = math.sqrt(1.841 * GRAVITY_M_S2 / BOTTLE_RADIUS_M)
 """First sideways mode of a liquid in a cylinder, as deep as wide (1.841: first root of J1')."""
 SLOSH_DAMPING_RATIO = 0.05
 SLOSH_LIMIT_M = 0.02
-
-
-def time_step_s(unmodelled: PushingUnmodelled | None) -> float:
-    """The time step of the plant for `build_scene`, s."""
-    return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
 
 
 def build_scene(
@@ -215,24 +202,3 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
     plant.AddJoint(WeldJoint(TOOL + "_mount", parent, pusher.body_frame(), RigidTransform(X_PT)))
     properties = rigid(coefficient(PLATE_FRICTION, BOTTLE_COEFFICIENT))
     plant.RegisterCollisionGeometry(pusher, RigidTransform(vector(*PLATE_CENTRE_M)), Box(*PLATE_M), "plate", properties)
-
-
-def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled) -> float:
-    """The mass of every bottle of training."""
-    return BOTTLE_MASS_KG
-
-
-def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Array:
-    """(4, 4) pose X_BO of the bottle ready for the push. The goal in `context` does not enter."""
-    mass_kg = BOTTLE_MASS_KG * (1.0 if unmodelled is None else unmodelled.bottle_mass_scale)
-    return translation([*(START_M + nuisance), BOTTLE_HEIGHT_M / 2 - sink_m(mass_kg)])
-
-
-def sink_m(mass_kg: float) -> float:
-    """Depth d at which the pressure under the base carries the weight.
-
-    Drake's field of a cylinder is its modulus times the distance to the nearest surface over the largest such distance
-    within it, here half the base's height h. At a depth that is small against h the pressure is even but for the rim,
-    so d = weight h / (2 pi e R^2).
-    """
-    return mass_kg * GRAVITY_M_S2 * BASE_HEIGHT_M / (2.0 * math.pi * BASE_E_PA * BASE_RADIUS_M**2)

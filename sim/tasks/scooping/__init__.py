@@ -2,7 +2,7 @@
 
 from perception.types import Outcome
 from sim.tasks.hardware import Hardware
-from sim.tasks.scooping import params, plan, rollout, scene, spatula, suspicion
+from sim.tasks.scooping import params, plan, rollout, spatula, suspicion
 from sim.tasks.task import LabReport, Task
 
 HARDWARE = Hardware(
@@ -11,8 +11,8 @@ HARDWARE = Hardware(
     keep_clear=spatula.KEEP_CLEAR,
     may_touch=spatula.MAY_TOUCH,
     plan=plan.plan,
-    build_scene=scene.build_scene,
-    time_step_s=scene.time_step_s,
+    build_scene=rollout.build_scene,
+    time_step_s=params.time_step_s,
     rest_pose=rollout.rest_pose,
     weighing=("density_scale", rollout.piece_mass_kg),
     suspect=suspicion.edge_too_high,

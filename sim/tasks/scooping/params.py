@@ -219,3 +219,14 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "contact": ("sap", "lagged"),
 }
 """The plausible range of each effect; for the contact law, training's and the other one."""
+
+
+STEP_S = 0.0025
+BLUNT_STEP_S = 0.001
+"""Time step with a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
+
+
+def time_step_s(unmodelled: ScoopingUnmodelled | None) -> float:
+    """The time step of the plant for `build_scene`, s."""
+    effects = unmodelled or ScoopingUnmodelled()
+    return effects.dt_s or (BLUNT_STEP_S if effects.lip_m > LIP_M else STEP_S)

@@ -12,7 +12,7 @@ from hw.dynamics import GRAVITY_M_S2
 from hw.types import Array, frozen_array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
-from sim.tasks.scooping.params import BEVEL_M, LIP_M, SQUARE_LIP_M
+from sim.tasks.scooping.params import BEVEL_M, LIP_M, NUISANCE, PARAMETERS, SQUARE_LIP_M, ScoopingUnmodelled
 
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 _ROUND_SEGMENTS, _STRAIGHT_SEGMENTS = 16, 12
@@ -46,6 +46,13 @@ def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> P
     else:
         raise OutOfRange(f"shape g = {g} must be 0 (ellipsoid), 1 (cylinder) or 2 (box)")
     return _solid(points * [*half_widths_m, height_m / 2.0])
+
+
+def piece_of(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> Piece:
+    """The piece for parameters (p,) and nuisance (n,)."""
+    scale = (unmodelled or ScoopingUnmodelled()).semi_axis_scale
+    p, radius_m = PARAMETERS.named(parameters), NUISANCE.named(nuisance).radius
+    return make_piece(round(p.g), p.h / 100.0, (radius_m * scale[0], radius_m * scale[1]))
 
 
 SLOPE = (SQUARE_LIP_M - LIP_M) / BEVEL_M

@@ -6,11 +6,14 @@ with the tool held still, until the piece rests or has left the blade (`percepti
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hw.poses import translation
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, SETTLE_S, ObjectTrack, Outcome, is_on_blade
+from sim.tasks.hardware import SceneBodies
 from sim.tasks.scooping.params import (
     NUISANCE,
     OBSERVATION,
@@ -18,12 +21,11 @@ from sim.tasks.scooping.params import (
     PIECE_DENSITY_KG_M3,
     REFERENCE_CONTEXT,
     ScoopingUnmodelled,
+    time_step_s,
 )
-from sim.tasks.scooping.piece import sink_m
+from sim.tasks.scooping.piece import piece_of, sink_m
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
-from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
 from sim.tasks.shared.carriage import Compliance, Drive, drive_of
-from sim.tasks.shared.direct import Drake
 from sim.tasks.shared.readings import (
     READ_EVERY_S,
     Course,
@@ -34,6 +36,10 @@ from sim.tasks.shared.readings import (
     reading_before_s,
 )
 from sim.types import ToolMotion
+
+if TYPE_CHECKING:
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import Frame
 
 ARM = Compliance(
     p_TP_m=(-0.497, 0.266),
@@ -88,10 +94,26 @@ def simulate(
     return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled), motion)
 
 
+def build_scene(
+    plant: MultibodyPlant,
+    tool_parent: Frame,
+    X_PT: Array,
+    parameters: Array,
+    nuisance: Array,
+    unmodelled: ScoopingUnmodelled | None,
+) -> SceneBodies:
+    """See `sim.tasks.hardware.BuildScene`."""
+    from sim.tasks.scooping import scene  # noqa: PLC0415 - Drake is slow to import, and tasks are named without it
+
+    return scene.build_scene(plant, tool_parent, X_PT, parameters, nuisance, unmodelled)
+
+
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a piece at X_BO (4, 4)."""
+    from sim.tasks.shared.direct import Drake  # noqa: PLC0415 - slow to import, and tasks are named without
+
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 

@@ -28,13 +28,11 @@ from sim.tasks.hardware import SceneBodies
 from sim.tasks.scooping.params import (
     CORNER_M,
     EDGE_M,
-    LIP_M,
-    NUISANCE,
     PARAMETERS,
     PIECE_DENSITY_KG_M3,
     ScoopingUnmodelled,
 )
-from sim.tasks.scooping.piece import Piece, blade, make_piece
+from sim.tasks.scooping.piece import Piece, blade, piece_of
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.spatula import (
     BLADE_MASS_KG,
@@ -52,28 +50,11 @@ from sim.types import Visual
 
 TOOL = "spatula"
 OBJECT = "piece"
-STEP_S = 0.0025
-BLUNT_STEP_S = 0.001
-"""Time step with a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
-
 EDGE_RELAXATION_S = 0.0
 """With a larger value, SAP lets a pressed edge creep into the table, by 0.3 mm in a tenth of a second."""
 
 FLEX_TIME_S = 0.010
 """Damping of a bent blade's return: nylon is well damped."""
-
-
-def time_step_s(unmodelled: ScoopingUnmodelled | None) -> float:
-    """The time step of the plant for `build_scene`, s."""
-    effects = unmodelled or ScoopingUnmodelled()
-    return effects.dt_s or (BLUNT_STEP_S if effects.lip_m > LIP_M else STEP_S)
-
-
-def piece_of(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> Piece:
-    """The piece for parameters (p,) and nuisance (n,)."""
-    scale = (unmodelled or ScoopingUnmodelled()).semi_axis_scale
-    p, radius_m = PARAMETERS.named(parameters), NUISANCE.named(nuisance).radius
-    return make_piece(round(p.g), p.h / 100.0, (radius_m * scale[0], radius_m * scale[1]))
 
 
 def build_scene(

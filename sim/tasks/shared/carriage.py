@@ -1,4 +1,4 @@
-"""The carriage of the tool in a training rollout: forward, up and pitch, each through a spring and a damper.
+"""The motion of the tool's carriage in a training rollout: forward, up and pitch, each by a spring and a damper.
 
 An arm yields in all three at once: a push upwards also rotates the tool, and so moves it forward. But at one point, the
 centre of compliance, the three are independent, and the springs act there. They are part of Drake's implicit solver.
@@ -8,28 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    Frame,
-    PdControllerGains,
-    PrismaticJoint,
-    RevoluteJoint,
-    SpatialInertia,
-    UnitInertia,
-)
-from pydrake.systems.framework import Context
-from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
-from sim.tasks.shared.contact import vector
 from sim.types import ToolMotion
 
-CARRIAGE = "carriage"
-_JOINTS = ("forward", "up", "pitch")
+if TYPE_CHECKING:
+    from pydrake.trajectories import PiecewisePolynomial
+
 _KNOT_EVERY = 4  # samples of the motion between two knots of the drive
 
 
@@ -75,6 +63,8 @@ class Drive:
 
 def drive_of(motion: ToolMotion, compliance: Compliance) -> Drive:
     """The drive of a motion whose tool stays in one vertical plane, linear between knots."""
+    from pydrake.trajectories import PiecewisePolynomial  # noqa: PLC0415 - slow to import, and tasks are named without
+
     X_BT = motion.X_BT
     left = X_BT[0, :2, 1]
     ahead = np.array([left[1], -left[0]])
@@ -93,40 +83,3 @@ def drive_of(motion: ToolMotion, compliance: Compliance) -> Drive:
     knots = slice(None, None, _KNOT_EVERY)
     trajectory = PiecewisePolynomial.FirstOrderHold(motion.t_s[knots], np.concatenate([q, rates])[:, knots])
     return Drive(X_BP, trajectory, compliance)
-
-
-def add_carriage(plant: MultibodyPlant, drive: Drive) -> Frame:
-    """Add the carriage and return the frame T that it carries."""
-    arm = drive.compliance
-    instance = plant.AddModelInstance(CARRIAGE)
-    origin = plant.AddFrame(FixedOffsetFrame("carriage_start", plant.world_frame(), RigidTransform(drive.X_BP)))
-    p_PM_m = vector(arm.p_PM_m[0], 0.0, arm.p_PM_m[1])
-    about = UnitInertia(*[arm.inertia_kg_m2 / arm.mass_kg] * 3)
-    inertia = SpatialInertia.MakeFromCentralInertia(arm.mass_kg, p_PM_m, about * arm.mass_kg)
-    parts = (SpatialInertia.Zero(), SpatialInertia.Zero(), inertia)
-    bodies = [plant.AddRigidBody(f"{CARRIAGE}_{name}", instance, M) for name, M in zip(_JOINTS, parts, strict=True)]
-    frames = [origin, *(body.body_frame() for body in bodies)]
-    joints = [
-        PrismaticJoint("forward", frames[0], frames[1], vector(1.0, 0.0, 0.0)),
-        PrismaticJoint("up", frames[1], frames[2], vector(0.0, 0.0, 1.0)),
-        RevoluteJoint("pitch", frames[2], frames[3], vector(0.0, 1.0, 0.0)),
-    ]
-    for joint, stiffness, damping in zip(joints, arm.stiffness, arm.damping, strict=True):
-        actuator = plant.AddJointActuator(joint.name(), plant.AddJoint(joint))
-        actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
-    plant.set_gravity_enabled(instance, False)
-    X_PT = RigidTransform(vector(-arm.p_TP_m[0], 0.0, -arm.p_TP_m[1]))
-    tool: Frame = plant.AddFrame(FixedOffsetFrame("carriage_tool", frames[3], X_PT))
-    return tool
-
-
-def place_carriage(plant: MultibodyPlant, state: Context, start: Array) -> None:
-    """Put the carriage at `start` (6,): forward, up, pitch and their rates."""
-    x_m, z_m, pitch_rad, vx_m_s, vz_m_s, rate_rad_s = start
-    forward, up, pitch = (plant.GetJointByName(name) for name in ("forward", "up", "pitch"))
-    forward.set_translation(state, x_m)
-    forward.set_translation_rate(state, vx_m_s)
-    up.set_translation(state, z_m)
-    up.set_translation_rate(state, vz_m_s)
-    pitch.set_angle(state, pitch_rad)
-    pitch.set_angular_rate(state, rate_rad_s)

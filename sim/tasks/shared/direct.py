@@ -7,20 +7,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    PdControllerGains,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
 from sim.tasks.hardware import BuildScene
-from sim.tasks.shared.carriage import CARRIAGE, add_carriage, place_carriage
-from sim.tasks.shared.contact import keep_apart
+from sim.tasks.shared.carriage import Drive
+from sim.tasks.shared.contact import keep_apart, vector
 from sim.tasks.shared.readings import Course, Moment, Velocity
 from sim.tasks.task import Task
 from sim.types import merged
+
+CARRIAGE = "carriage"
+_JOINTS = ("forward", "up", "pitch")
 
 
 class Drake:
@@ -85,3 +97,40 @@ def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
             X_TV = (X_TW @ plant.GetBodyByName(visual.body).EvalPoseInWorld(context)).GetAsMatrix4()
             parts.append((visual.vertices_m @ X_TV[:3, :3].T + X_TV[:3, 3], visual.triangles))
     return merged(parts)
+
+
+def add_carriage(plant: MultibodyPlant, drive: Drive) -> Frame:
+    """Add the carriage and return the frame T that it carries."""
+    arm = drive.compliance
+    instance = plant.AddModelInstance(CARRIAGE)
+    origin = plant.AddFrame(FixedOffsetFrame("carriage_start", plant.world_frame(), RigidTransform(drive.X_BP)))
+    p_PM_m = vector(arm.p_PM_m[0], 0.0, arm.p_PM_m[1])
+    about = UnitInertia(*[arm.inertia_kg_m2 / arm.mass_kg] * 3)
+    inertia = SpatialInertia.MakeFromCentralInertia(arm.mass_kg, p_PM_m, about * arm.mass_kg)
+    parts = (SpatialInertia.Zero(), SpatialInertia.Zero(), inertia)
+    bodies = [plant.AddRigidBody(f"{CARRIAGE}_{name}", instance, M) for name, M in zip(_JOINTS, parts, strict=True)]
+    frames = [origin, *(body.body_frame() for body in bodies)]
+    joints = [
+        PrismaticJoint("forward", frames[0], frames[1], vector(1.0, 0.0, 0.0)),
+        PrismaticJoint("up", frames[1], frames[2], vector(0.0, 0.0, 1.0)),
+        RevoluteJoint("pitch", frames[2], frames[3], vector(0.0, 1.0, 0.0)),
+    ]
+    for joint, stiffness, damping in zip(joints, arm.stiffness, arm.damping, strict=True):
+        actuator = plant.AddJointActuator(joint.name(), plant.AddJoint(joint))
+        actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
+    plant.set_gravity_enabled(instance, False)
+    X_PT = RigidTransform(vector(-arm.p_TP_m[0], 0.0, -arm.p_TP_m[1]))
+    tool: Frame = plant.AddFrame(FixedOffsetFrame("carriage_tool", frames[3], X_PT))
+    return tool
+
+
+def place_carriage(plant: MultibodyPlant, state: Context, start: Array) -> None:
+    """Put the carriage at `start` (6,): forward, up, pitch and their rates."""
+    x_m, z_m, pitch_rad, vx_m_s, vz_m_s, rate_rad_s = start
+    forward, up, pitch = (plant.GetJointByName(name) for name in ("forward", "up", "pitch"))
+    forward.set_translation(state, x_m)
+    forward.set_translation_rate(state, vx_m_s)
+    up.set_translation(state, z_m)
+    up.set_translation_rate(state, vz_m_s)
+    pitch.set_angle(state, pitch_rad)
+    pitch.set_angular_rate(state, rate_rad_s)

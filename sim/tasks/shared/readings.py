@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S, REST_S
 from sim.tasks.shared.carriage import Drive
+
+if TYPE_CHECKING:
+    from pydrake.math import RigidTransform
 
 READ_EVERY_S = 0.020
 _STILL_READINGS = round(REST_S / READ_EVERY_S) + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -30,7 +31,11 @@ def test_the_table_and_the_page_of_a_scoop(tmp_path, capfd):
     assert all(0.0 <= row["ratio"] <= 1.0 for row in shown["limits"])
     assert any(row["quantity"] == "predicted contact force" for row in shown["limits"])
     assert page.stat().st_size > 100_000
-    assert page.read_bytes().decode() != planned(PANDA, [], ["pitch_rate=-0.2"]).page().html()
+    html = page.read_text(encoding="utf-8")
+    assert "<title>scooping on panda: " in html
+    (panel,) = re.findall(r'<details id="motion".*?</details>', html, re.DOTALL)
+    assert "predicted contact force" in panel
+    assert html != planned(PANDA, [], ["pitch_rate=-0.2"]).html()
 
 
 def test_the_page_is_served_to_this_machine_alone():

@@ -7,6 +7,7 @@ from pathlib import Path
 from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved
 
+from adaptsim_cli.screen import views
 from adaptsim_cli.session import running
 from adaptsim_cli.session.ending import EndRule
 from adaptsim_cli.session.flow import RunningSession
@@ -30,7 +31,7 @@ def run(home: Path, *rules: EndRule, iterations: int = 2) -> tuple[SessionStore,
     request = running.SessionRequest(None, frozenset({"task"}), iterations, yes=True, rules=rules)
     reply = running.run_session(settings, request, opener(ToyLab(0)), draw)
     store = SessionStore.open(settings.places.sessions, NAME)
-    assert f"Report: {store.folder / 'report.html'}" in reply.text
+    assert views.FileLine("Report", store.folder / "report.html") in reply.text
     return store, drawn
 
 

@@ -1,4 +1,4 @@
-"""Every command that walks over a session's folders does so for a session of every kind."""
+"""Every command about a session works for a session of every kind, also with `--json`, as its schema says."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 import toy_rig
+from documents import every_command
+from jsonschema import Draft202012Validator
 from own_robot import PUSHED, opener, program, robot
 from recordings import write_tables
 from rich.console import Console
@@ -22,6 +24,7 @@ from adaptsim_cli.commands import app
 from adaptsim_cli.errors import AnswerAwaited
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.outputs import catalogue
 from adaptsim_cli.session import beginning, opening, running
 from adaptsim_cli.session.control import ControlPolicy
 from adaptsim_cli.session.flow import RunningSession, run_iteration
@@ -108,6 +111,15 @@ def _interrupted(home: Path, _: pytest.MonkeyPatch) -> SessionStore:
     return session.store
 
 
+def _pendulum(*more: str) -> Make:
+    def make(home: Path, _: pytest.MonkeyPatch) -> SessionStore:
+        line = ["run-iteration", "--task", "pendulum", "--world", "ood-1", "--session", "p", "-n", "2", "--yes", *more]
+        assert app.run(line) == 0
+        return SessionStore.open(home / "data/sessions", "p")
+
+    return make
+
+
 KINDS: dict[str, Make] = {
     "lab": _lab,
     "program": _program,
@@ -117,6 +129,11 @@ KINDS: dict[str, Make] = {
     "control": _control,
     "rollout": _rollout,
     "interrupted": _interrupted,
+    "adaptsim": _pendulum(),
+    "paper": _pendulum("--method", "adaptsim-iteration"),
+    "udr": _pendulum("--method", "udr"),
+    "bo": _pendulum("--method", "bo"),
+    "paired": _pendulum("--control", "udr"),
 }
 
 
@@ -161,3 +178,73 @@ def test_a_damaged_question_is_named_and_any_answer_is_not(place, monkeypatch) -
     assert str(question) in damage and "session: field required" in damage
     shutil.rmtree(parts.questions)
     assert verify(store.folder.parent, store.folder.name).damage == ()
+
+
+LINES = {
+    "sessions show": ("NAME",),
+    "sessions verify": ("NAME",),
+    "sessions mark": ("NAME", "--note", "before lunch"),
+    "sessions list": (),
+    "sessions index": (),
+    "sessions policy": ("NAME",),
+    "sessions export": ("NAME",),
+    "report": ("NAME",),
+    "compare": ("NAME", "other"),
+    "bundle": ("NAME",),
+    "retrack": ("NAME",),
+    "replay": ("NAME", "1"),
+    "rollout": ("--session", "NAME", "--best", "--yes"),
+    "run-iteration": ("--session", "NAME", "--yes"),
+    "sessions redo": ("NAME", "1", "--reason", "the object fell"),
+    "sessions accept": ("NAME", "1", "--reason", "it had not"),
+    "sessions amend": ("NAME", "1", "--outcome", "settled", "--reason", "seen"),
+    "sessions prune": ("NAME", "--yes"),
+    "sessions delete": ("NAME", "--yes"),
+}
+"""The commands about a session, in an order in which they can follow each other."""
+
+NEVER_REFUSED = (
+    "sessions show",
+    "sessions verify",
+    "sessions mark",
+    "report",
+    "bundle",
+    "sessions prune",
+    "sessions delete",
+)
+ADAPTED = *NEVER_REFUSED, "sessions policy", "sessions export", "compare", "rollout", "run-iteration"
+"""What a session can do that has a checkpoint and two iterations."""
+
+
+def test_every_command_about_a_session_is_in_the_walk() -> None:
+    takes = {
+        name.partition(" ")[2]
+        for name, command in every_command()
+        if {"session", "sessions", "name", "names"} & {p.name for p in command.params}
+    }
+    about = {name for name in takes if not name.startswith(("calibrate", "touch-off", "object"))}
+    assert about <= set(LINES)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_command_about_a_session_prints_what_its_schema_says_or_refuses_in_a_sentence(
+    kind, place, monkeypatch, capfd
+) -> None:
+    store = KINDS[kind](place.parent / "home", monkeypatch)
+    name = store.folder.name
+    works = ADAPTED if store.facts.task == "pendulum" else NEVER_REFUSED
+    if store.facts.recorded:  # no trial can be added to it
+        works = tuple(command for command in works if command != "rollout")
+    shutil.copytree(store.folder, store.folder.with_name("other"))
+    for command, words in LINES.items():
+        line = [*command.split(), *(name if word == "NAME" else word for word in words)]
+        capfd.readouterr()
+        code = app.run([*line, "--json"])
+        out, err = capfd.readouterr()
+        if code == 0:
+            Draft202012Validator(catalogue.schema(command)).validate(json.loads(out))
+        else:
+            assert code in (2, 8) and out == "" and err.count("Error: ") == 1, (command, err)
+            assert "corrupt" not in err, f"{command}: the session is sound"
+            assert command not in works, (command, err)

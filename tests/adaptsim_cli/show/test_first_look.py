@@ -1,4 +1,4 @@
-"""The first trial of a robot of one's own is drawn over the expected ones; a full disk costs the page alone."""
+"""The first trial of a robot of one's own is drawn over the predicted ones; a full disk costs the page alone."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from adaptsim_cli.show.first_look import PAGE, FirstLook, ReportedEnd, _Looking
 
 
 @pytest.mark.parametrize(("reported", "is_outside"), [(0.7, False), (0.55, False), (0.45, True), (0.95, True)])
-def test_an_end_is_outside_beyond_the_margin_of_the_expected_ones(reported, is_outside):
+def test_an_end_is_outside_beyond_the_margin_of_the_predicted_ones(reported, is_outside):
     end = ReportedEnd("x", "m", reported, low=0.6, high=0.8, margin=0.1)
     assert end.is_outside is is_outside
-    assert end.in_words == f"x {reported:.3f} m (expected 0.600 m to 0.800 m)"
+    assert end.in_words == f"x {reported:.3f} m (predicted 0.600 m to 0.800 m)"
 
 
 @pytest.mark.long
@@ -45,4 +45,4 @@ def test_the_first_trial_alone_is_drawn_and_a_page_that_cannot_be_written_is_onl
 
     monkeypatch.setattr(FirstLook, "write", full)
     looking.tracked(first, tracked)
-    assert "is not drawn over the expected ones: the disk is full" in shown.getvalue()
+    assert "is not drawn over the predicted ones: the disk is full" in shown.getvalue()

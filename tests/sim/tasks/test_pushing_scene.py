@@ -12,8 +12,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 from hw.dynamics import GRAVITY_M_S2
 from sim.errors import OutOfRange
-from sim.tasks.pushing.params import BOTTLE_MASS_KG, PATCH_X_M, PushingUnmodelled
-from sim.tasks.pushing.scene import SLOSH_RAD_S, STEP_S, build_scene, sink_m
+from sim.tasks.pushing.bottle import sink_m
+from sim.tasks.pushing.params import BOTTLE_MASS_KG, PATCH_X_M, STEP_S, PushingUnmodelled
+from sim.tasks.pushing.scene import SLOSH_RAD_S, build_scene
 
 MU, E_PA, MU_P, Y_P_M = 0.10, 3e5, 0.50, 0.20
 NOTHING_PLACED = np.zeros(2)

@@ -26,9 +26,8 @@ from hw.grasping import FakeHand
 from hw.ports import Hand
 from hw.types import ArmState, Array
 from hw.workcell import arm_model
-from sim.lab.setting_down import true_X_FT
 from sim.lab.simulated import READY_RAD
-from sim.lab.touch import TouchLab
+from sim.lab.touch import TouchLab, true_X_FT
 from sim.lab.world import World
 from sim.panda.setting_down import TABLE
 
@@ -116,7 +115,7 @@ def test_what_does_not_fit_is_not_stored(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_q_stops_and_nothing_is_stored(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(StoppedByOperator, match="what was known of table and tool before stays in use"):
+    with pytest.raises(StoppedByOperator, match="a touch-off that is in use stays in use"):
         by_hand(monkeypatch, lambda q: [("", q[0]), ("q", None)])
 
 

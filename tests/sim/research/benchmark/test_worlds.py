@@ -7,7 +7,7 @@ from sim.lab.foods import step_s, volume_m3
 from sim.lab.world import list_worlds, load_world
 from sim.research.benchmark.worlds import DRAWN, targets_of
 from sim.tasks import get_task
-from sim.tasks.scooping.scene import BLUNT_STEP_S
+from sim.tasks.scooping.params import BLUNT_STEP_S
 
 PUSHING, SCOOPING = get_task("pushing"), get_task("scooping")
 

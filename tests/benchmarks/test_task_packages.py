@@ -133,7 +133,7 @@ def test_a_damaged_file_of_tosses_is_refused(toss, tmp_path, monkeypatch, capsys
     np.savez(tmp_path / "short.npz", state=np.zeros((9, 13)), start=[0, 12], number=[0])
     np.savez(tmp_path / "narrow.npz", state=np.zeros((9, 12)), start=[0, 9], number=[0])
     (tmp_path / "text.npz").write_text("no file of tosses")
-    for name, reason in {"short": "start must give", "narrow": "(T, 13)", "text": "is no file of tosses"}.items():
+    for name, reason in {"short": "start must give", "narrow": "(T, 13)", "text": "is not a file of tosses"}.items():
         monkeypatch.setattr(sys, "argv", ["toss", str(tmp_path / f"{name}.npz"), "--out", str(tmp_path / "out")])
         with pytest.raises(SystemExit):
             experiment.main()
@@ -181,7 +181,7 @@ def test_a_damaged_run_is_refused(swing, tmp_path):
         ({"time": t_s[::-1], **good}, "times must not decrease"),
         ({"time": t_s, **good, "tau_meas2": np.full(len(t_s), np.nan)}, "must be finite"),
         ({"time": t_s[:-5], **good}, "equally long"),
-        (good, "is no run"),
+        (good, "is not a run"),
     ):
         np.savez(tmp_path / "run.npz", **run)
         with pytest.raises(ValueError, match=reason):

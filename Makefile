@@ -82,7 +82,7 @@ test-lowest:
 	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) $(TORCH))
 	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
 	.venv-lowest/bin/python -m pytest -n 2 -m 'not slow and not hardware and not extra' \
-	  --ignore tests/documents/test_generated_pages.py --deselect tests/documents/test_package.py::test_it_holds_all_that_the_program_needs
+	  --ignore tests/documents/test_generated_pages.py --deselect tests/e2e/test_package.py::test_it_holds_all_that_the_program_needs
 
 # Every package at its newest version, so that a limit on a version is needed only where a test fails without it.
 test-newest:
@@ -91,7 +91,7 @@ test-newest:
 	$(if $(TORCH_INDEX),.venv-newest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch)
 	.venv-newest/bin/uv pip install --quiet --python .venv-newest --resolution highest --editable '.[dev]'
 	.venv-newest/bin/python -m pytest -n 2 -m 'not long and not slow and not hardware and not extra' \
-	  --ignore tests/documents/test_generated_pages.py --ignore tests/documents/test_package.py
+	  --ignore tests/documents/test_generated_pages.py --ignore tests/e2e/test_package.py
 
 check: $(STAMP)
 	$(BIN)/ruff check .

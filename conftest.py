@@ -1,6 +1,7 @@
-"""How long a test may take, beyond the default of pyproject.toml, and what no test gets of the user's settings.
+"""The time limits of slow tests, and the settings of the user that are hidden from every test.
 
-One thread a process: `make test` has a process a core, and threads that wait for a core keep it busy while they wait.
+Every process has one thread, because `make test` has one process per core, and threads that wait for a core keep it
+busy.
 """
 
 from __future__ import annotations

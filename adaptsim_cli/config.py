@@ -133,7 +133,7 @@ class Config(Record):
     operator: Annotated[str, Field(description="name of the operator, for the record; empty: asked")] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="seed of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
-    workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
+    workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one per core")] = 0
     min_free_mb: Annotated[int, Field(ge=0, description="free disk space that a session needs, MB")] = 500
     calibration_days: Annotated[
         int, Field(ge=1, description="age at which the program warns about a calibration, days")
@@ -190,8 +190,9 @@ class Places:
 
     @property
     def home_is_own(self) -> bool:
-        """Whether the user's settings are the user's own: ADAPTSIM_HOME inside the current folder may have come with
-        it."""
+        """Whether the settings were made by the user: an ADAPTSIM_HOME inside the current folder may have come with
+        that folder.
+        """
         return self.trust_file.parent == self.user_file.parent
 
     @property
@@ -211,7 +212,7 @@ class Places:
 
     @property
     def logs(self) -> Path:
-        """The folder of what loggers keep of sessions."""
+        """The folder of the loggers' logs of sessions."""
         return self.data / "logs"
 
     @property
@@ -245,7 +246,7 @@ class Resolved:
 
     @property
     def flags(self) -> frozenset[str]:
-        """The settings that came as flags."""
+        """The settings that were given as flags."""
         return frozenset(key for key, source in self.sources.items() if source == FLAG)
 
 

@@ -1,4 +1,4 @@
-"""Files of the current folder that decide what moves, what is confirmed or what runs: a person confirms each once.
+"""Files of the current folder that decide about motions, confirmations or programs: a person confirms each once.
 
 The folder may be somebody else's repository. A confirmation is bound to absolute paths and to the SHA-256 of every file
 behind it, and is kept among the user's own settings, never inside the current folder. The page for users:
@@ -136,7 +136,8 @@ def settings_claims(where: Places) -> tuple[FileClaim, ...]:
 
 
 def contents(*roots: Path) -> dict[str, str]:
-    """Absolute path -> SHA-256 of every file at the `roots` or below them; links are followed, and bound themselves.
+    """Absolute path -> SHA-256 of every file at the `roots` or below them; links are followed, and the links themselves
+    are included.
 
     Raises NotCovered beyond `MOST_FILES` and `MOST_BYTES` in all, and where something cannot be read.
     """

@@ -1,10 +1,10 @@
-"""Hard paths against both arms, judged by code of its own: does anything beyond a limit reach a driver?
+"""Hard paths for both arms, checked by independent code: does anything beyond a limit reach a driver?
 
     PYTHONPATH=tests/support python benchmarks/adversarial.py --count 10000 --out hunt.jsonl
 
 Half of them for each arm, in blocks with a seed each; every accepted path is also stopped at a random moment, and the
-stop judged (`hunt` in `tests/support/hard_paths.py`). Prints the sum after every block; ends with status 1 if anything
-was wrong. `--out` keeps a line for each block; the same command skips those and goes on.
+stop is checked (`hunt` in `tests/support/hard_paths.py`). Prints the sum after every block; ends with status 1 if
+anything was wrong. `--out` stores a line for each block; the same command skips those and continues.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Does a rollout without an arm end as the whole lab does? One trial in each of many drawn worlds, both ways.
+"""Does a rollout without an arm have the same outcome as the whole lab? One trial in each of many drawn worlds, both
+ways.
 
     python benchmarks/agreement.py --task scooping --worlds 60
 
 The lab's trial has everything: placing, finding, planning, the whole arm, the way home, filming and tracking. The
-rollout is what training simulates, in the same world, at the place where the object truly was put. Actions are those of
+rollout is what training simulates, in the same world, at the place where the object really was. Actions are those of
 the shipped policy of an E drawn in Omega for each world. Disagreements are written out one by one; the last line is one
 JSON object.
 """
@@ -151,7 +152,7 @@ def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def task_succeeded(row: Row, which: int = 0) -> bool:
-    """Whether a trial ended as its task wants."""
+    """Whether a trial succeeded."""
     return row.outcome[which] in (Outcome.ON_BLADE.value, Outcome.UPRIGHT.value)
 
 

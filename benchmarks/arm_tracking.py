@@ -2,7 +2,7 @@
 
 The arm is franky-sim's (MuJoCo), in a process of its own, at 1 kHz and without waiting for late commands; the pedal is
 a real serial line (a pseudo-terminal). Without a real-time kernel late cycles are those of this computer and its other
-work. What they show is that the driver adds none.
+work. They show that the driver adds none.
 
     PYTHONPATH=tests/support python benchmarks/arm_tracking.py --releases 4
 """
@@ -50,7 +50,7 @@ def trial(name: str) -> tuple[tuple[JointPath, ...], Tool]:
 
 
 def track(server: Fr3Process, name: str) -> dict[str, object]:
-    """The task path of one trial: cycles without an answer in time."""
+    """The task path of one trial, and its cycles without an answer in time."""
     (_, path, _), tool = trial(name)
     server.place(path.q_rad[0])
     with arm_at(server, tool=tool) as arm:

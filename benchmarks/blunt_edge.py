@@ -1,8 +1,9 @@
-"""Does the bevel of training's turner change which scoop is best? Rollouts with a blunt edge against the emulator.
+"""Is another scoop the best one because the turner is bevelled in training? Rollouts with a blunt edge against the
+emulator.
 
 The rollouts are a dataset of the plain scooping task in the scene of a blunt edge: spread evenly over the margin, all
-actions and the nuisance. For the same trials the shipped emulator, which knows the bevelled edge alone, says what it
-expects. Stop it at any time: the same command continues.
+actions and the nuisance. For the same trials it prints the expectation of the shipped emulator, which knows only the
+bevelled edge. Stop it at any time: the same command continues.
 
     python benchmarks/blunt_edge.py --rollouts 256 --seed 21 --out build/blunt-edge
 """

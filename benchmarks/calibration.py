@@ -2,11 +2,12 @@
 
     python benchmarks/calibration.py                 200 seeds of simulated corners, no rendering
 
-20 views of a 280 x 200 mm board on a Panda's flange, 0.7 to 1.3 m before a Kinect, corners with 0.1 px of noise along
-an axis; then with 0.1 mrad of encoder noise and joint offsets of 0.5 mrad (both normal); then 3 of the 20 views spoilt
-as well: their flange is 10 to 60 mm from where the joints say. "Work volume" is the worst of its eight corners. "Arm's
-own" leaves out the turn of the base that no view can show (the offset of joint 1): what is left is what counts when the
-same arm acts on what the camera sees. Seeds start at 0; the factors of the stated error come from seeds 10000 and on.
+There are 20 views of a 280 x 200 mm board on a Panda's flange, 0.7 to 1.3 m before a Kinect. In the first case the
+corners have 0.1 px of noise along each axis. The second adds 0.1 mrad of encoder noise and joint offsets of 0.5 mrad
+(both normal). In the third, 3 of the 20 views are spoilt too: their flange is 10 to 60 mm from where the joints say.
+"Work volume" is the worst of its eight corners. "Arm's own" leaves out the rotation of the base that no view can show
+(the offset of joint 1). The rest is the error that matters if the same arm uses what the camera measures. Seeds start
+at 0; the factors of the stated error come from seeds 10000 and on.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Whole calibrations on the rendered lab against its truth, and what they do for finding the object.
+"""Whole calibrations in the rendered lab compared with its truth, and how much better the object is then found.
 
     python benchmarks/calibration_rendered.py --seeds 30 --case noise
     python benchmarks/calibration_rendered.py --seeds 30 --case arm
 
 `noise`: image noise alone. `arm`: encoder noise 0.1 mrad, joint offsets 0.5 mrad, and 15 % of the views with joints of
-another moment. Both start from a nominal pose that is off by 3 mm and 0.3°. One line a seed, then the bars of the
-project: worst and 95th percentile of the error, coverage of the stated one, outliers dropped and good views lost,
-and the distance between where the object is found and where it lies, before and after calibrating.
+another moment. Both start from a nominal pose that is off by 3 mm and 0.3°. Prints one line per seed, then these
+statistics: worst and 95th percentile of the error, coverage of the stated one, outliers dropped and good views lost,
+and the error of the object's place before and after calibrating.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def spoil(views: Path, share: float, seed: int) -> list[str]:
 
 
 def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
-    """How far from the truth the object is found, mean over a few places."""
+    """The error of the object's place, averaged over a few places."""
     tracker, cell = tracker_of(TASK), cell_as_shipped(HARDWARE, "panda")
     off = []
     with SimulatedLab(TASK, world, seed, cell, home_q_rad=home(HARDWARE.X_FT, cell)) as lab:
@@ -118,7 +118,7 @@ def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
 
 
 def one(case: str, seed: int) -> Row:
-    """One calibration, and where the object is found before and after it."""
+    """One calibration, and the object's measured place before and after it."""
     world, started = replace(load_world("wd", TASK), sensing=CASES[case]), time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         record, spoilt = calibrated(world, seed, SPOILT[case], Path(folder))

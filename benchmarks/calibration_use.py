@@ -1,4 +1,4 @@
-"""What a calibration is worth: pushes seen with the camera pose that a lab comes with, and with a calibrated one.
+"""The effect of a calibration: pushes tracked with the camera pose that a lab begins with, and with a calibrated one.
 
     python benchmarks/calibration_use.py --seeds 12
 

@@ -1,4 +1,4 @@
-"""The piece tracked on pictures that our renderer did not make: what breaks first, and is it flagged before?
+"""Tracks a piece in pictures that our renderer did not make: which effects break the tracking, and is it flagged first?
 
     python benchmarks/composites.py
 
@@ -81,7 +81,7 @@ class Room:
         whole = np.median(stack, axis=0)
         self.rgb, self.background = whole[ROWS, COLUMNS], whole.astype(np.uint8)
         off = stack[:, ROWS, COLUMNS] - self.rgb
-        still = np.abs(off) < 12.0  # the shadow of the arm is no noise
+        still = np.abs(off) < 12.0  # the shadow of the arm is not noise
         self.noise = float(np.sqrt((off[still] ** 2).mean()))
         camera = real_views.camera(2)
         self.model = CameraModel("realsense", camera, camera, np.eye(4))
@@ -192,7 +192,7 @@ def table_colour(room: Room, xy_m: Array) -> Array:
 
 
 def smeared(picture: Array, along_px: Array) -> Array:
-    """What moves is smeared; what stands still is the same wherever it is smeared to, but for its edges."""
+    """Only moving pixels are smeared; a still region looks the same after smearing, except at its edges."""
     steps = [-0.5 + i / 8 for i in range(9)]
     size, edge = (picture.shape[1], picture.shape[0]), cv2.BORDER_REPLICATE
     moves = [np.array([[1.0, 0.0, s * along_px[0]], [0.0, 1.0, s * along_px[1]]]) for s in steps]
@@ -213,7 +213,7 @@ def lit(picture: Array, effects: Effects, turn: int) -> Array:
 
 @dataclass(frozen=True)
 class Result:
-    """How well something was found and followed."""
+    """How well an object was found and followed."""
 
     middle_mm: float
     worst_mm: float
@@ -236,7 +236,7 @@ class Result:
 
 
 def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
-    """Find the piece, follow it, and compare with where it was."""
+    """Find the piece, follow it, and compare with its true places."""
     rng = np.random.default_rng(seed)
     start, end = room.at(FROM_PX), room.at(TO_PX)
     way = [start + (end - start) * (max(i - 2, 0) / (FRAMES - 3)) ** 1.5 for i in range(FRAMES)]
@@ -254,7 +254,7 @@ def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
 def judged(
     find: Callable[[], Any], follow: Callable[[Any], ObjectTrack], places: Callable[[ObjectTrack], Array]
 ) -> Result:
-    """Find something, follow it, and compare with the places (N, 2) where it was."""
+    """Find an object, follow it, and compare with its true places (N, 2)."""
     try:
         found = find()
     except PerceptionError as error:

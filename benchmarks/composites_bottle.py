@@ -1,4 +1,4 @@
-"""The bottle tracked in depth that our renderer did not make: what breaks first, and is it flagged before?
+"""Tracks a bottle in depth that our renderer did not make: which effects break the tracking, and is it flagged first?
 
     python benchmarks/composites_bottle.py
     python benchmarks/composites_bottle.py --from recording.mkv     cut the readings out of the recording again
@@ -37,7 +37,7 @@ WAY_M = np.array([0.25, 0.05])
 
 @dataclass(frozen=True)
 class Effects:
-    """What a depth camera does to its readings."""
+    """The errors of a depth camera."""
 
     noise: float = 1.0  # times the wall's
     missing: int = 0  # pixels by which the mug's holes are widened; -1: no holes
@@ -60,7 +60,7 @@ LEVELS: dict[str, tuple[float, ...]] = {
 
 
 class Room:
-    """The planned workcell's view, and what a real camera adds to it."""
+    """The view of the planned workcell, with the faults of a real camera."""
 
     def __init__(self) -> None:
         self.model: CameraModel = kinect_model()
@@ -135,7 +135,7 @@ def _tiled(patch: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Ar
 
 
 def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
-    """Find the bottle, follow it, and compare with where it was."""
+    """Find the bottle, follow it, and compare with its true places."""
     rng = np.random.default_rng(seed)
     first = composite(room, START_M, -1.0, effects, rng)
     frames = (composite(room, place(t), t, effects, rng) for t in np.arange(0.0, LAST_S, 1 / RATE_HZ))
@@ -159,7 +159,7 @@ def spoilt(name: str, level: float) -> Effects:
 
 
 def cut(recording: Path) -> None:
-    """Store what is needed of the recording. Needs PyAV (`pip install av`)."""
+    """Store the needed part of the recording. Needs PyAV (`pip install av`)."""
     from kinect_recording import KinectRecording  # noqa: PLC0415 - an extra
 
     with KinectRecording(recording) as opened:

@@ -1,11 +1,11 @@
-"""Which recordings that contradict their commands are refused, and is any sound one?
+"""Which recordings that contradict their actions are refused, and is any correct one refused?
 
     python benchmarks/contradictions.py [--trials 24] [--worlds 15] [--tasks pushing scooping] [--seed 41] [--out FILE]
 
-First a table of pushes, made by the simulator, is spoilt in the ways in which people spoil them (`SPOILT`). Then sound
-tables of 10 to 19 trials are made in drawn worlds, with plausible effects that no parameter expresses, and with the
-noise of a camera (0.8 mm, 30 Hz). Every table is checked as a session does (`require_sound` and `doubt`). FILE keeps a
-line for each sound table, so that a run that was stopped goes on.
+First a table of simulated pushes is spoilt in ways that happen to people (`SPOILT`). Then sound tables of 10 to 19
+trials are made in drawn worlds, with plausible effects that no parameter expresses, and with the noise of a camera (0.8
+mm, 30 Hz). Every table is checked as a session does (`require_sound` and `doubt`). FILE stores a line for each correct
+table, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -108,13 +108,13 @@ def turned(degrees: float) -> Change:
 
 
 def early(lead_s: float) -> Change:
-    """The clock starts so long before the motion."""
+    """The clock starts this long before the motion."""
     idle_s = np.arange(0.0, lead_s, 1.0 / RATE_HZ)
     return lambda t, s: (np.r_[idle_s, t + lead_s], np.r_[np.repeat(s[:1], len(idle_s), axis=0), s])
 
 
 def late(lag_s: float) -> Change:
-    """The clock starts so long after the motion began."""
+    """The clock starts this long after the motion began."""
     return lambda t, s: (t[t >= lag_s] - t[t >= lag_s][0], s[t >= lag_s])
 
 

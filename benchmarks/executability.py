@@ -44,7 +44,9 @@ STOPS_EVERY_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One point of the grid. `ratio` is infinite where there is no path; `note` says why, or what is tightest."""
+    """One point of the grid. `ratio` is infinite where there is no path; `note` gives the reason, or the limit that is
+    used most.
+    """
 
     context: Array
     action: Array
@@ -57,14 +59,14 @@ class Motion:
 
 
 def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
-    """So many `points` per dimension (one number: the same for all), ends included; a single one is the middle."""
+    """A grid of `points` per dimension (one number: the same for all), ends included; a single point is the middle."""
     counts = points * len(low) if len(points) == 1 else points
     lines = (np.linspace(a, b, n) if n > 1 else [(a + b) / 2] for a, b, n in zip(low, high, counts, strict=True))
     return [np.array(v) for v in product(*lines)]
 
 
 def drawn(task: Task, count: int, seed: int) -> list[tuple[Array, Array]]:
-    """So many uniform contexts and actions."""
+    """This many uniform contexts and actions."""
     rng = np.random.default_rng(seed)
     spaces = (task.context, task.action)
     trials = [[space.denormalise(rng.random(len(space.low))) for space in spaces] for _ in range(count)]
@@ -139,7 +141,7 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
 def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
     """A map for each arm over two dimensions of the actions: the worst ratio at each place, and what limits it.
 
-    Where not every motion is executable, the worst of those that are, and how many.
+    If not every motion is executable, the worst of those that are, and their number.
     """
     names = [d.label for d in task.action.dimensions[:2]]
     size = (max(5.2, 0.25 + 0.95 * len({m.action[0] for m in next(iter(results.values()))})), 4.2 * len(results))

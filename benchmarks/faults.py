@@ -1,19 +1,20 @@
-"""A campaign of faults over arm, pedal, hand, fingers, disk, process, clock, terminal, camera, session, folder, seeded.
+"""A campaign, with a seed, of faults of arm, pedal, hand, fingers, disk, process, clock, terminal, camera, session and
+folder.
 
     PYTHONPATH=tests/support python benchmarks/faults.py --each 20 --pairs 40 --out faults.jsonl
 
 Every kind is drawn until it changed the course `--each` times; a fault that changed nothing does not count (a wrong
-stamp of an image counts if the image is in the film). Then two faults at once are drawn, `--pairs` times.
+stamp of an image counts if the image is in the film). Then, `--pairs` times, two faults at once are drawn.
 
-A motion is one of a real lab's arm: a trial, or a way of the calibration with the board. Consent, pedal
+A motion is one of an arm in a real lab: a trial, or a motion of the calibration with the board. Consent, pedal
 protocol, checks, player and the pipe between them are the program's own, in simulated time; only the SDK is a stand-in
 (`tests/support/living_sdk.py`), whose arm lags, coasts and has noise. Boxes stand as near to the motion as the program
 accepts. The fingers have the program's keeper and pedal. A recording is one of the camera's driver over a stand-in of
 libk4a. A session is a whole toy session that a fault stops at a random moment and that the same command continues. A
 folder is somebody else's, whose rig file has the name of the lab and random gaps and waivers (`fault_folder.py`).
 
-`--out` keeps a line for each fault; the same command goes on after the last. `--share 1/3` makes only every third fault
-of each kind, so that several processes share the work: name one `--out` each, and `--table` all of them.
+`--out` stores a line for each fault; the same command continues after the last one. `--share 1/3` makes only every
+third fault of each kind, so that several processes share the work: name one `--out` each, and `--table` all of them.
 
 After each fault:
 
@@ -270,7 +271,7 @@ def one(kind: str, number: int, seed: int) -> dict[str, Any]:
 
 
 def campaign(each: int, pairs: int, seed: int, kept: Kept, share: tuple[int, int] = (1, 1)) -> Iterator[Outcome]:
-    """Every kind until it was effective `each` times, then `pairs` of two; of these only a share (k of n)."""
+    """Every kind until it had an effect `each` times, then `pairs` of two faults; only a share (k of n) of all."""
     part, parts = share
     for kind, least in [*((kind, each) for kind in KINDS), (PAIR, pairs)]:
         effective = 0
@@ -307,7 +308,7 @@ def main() -> int:
 
 
 def table(found: list[Outcome]) -> int:
-    """Print a row per kind, what broke a promise, and the sum."""
+    """Print a row per kind, the broken promises, and the sum."""
     print("| kind | effective of drawn | trial, calibration | at rest within | broke a promise |")
     print("|---|---|---|---|---|")
     by_kind: dict[str, list[Outcome]] = {}

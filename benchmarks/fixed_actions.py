@@ -21,7 +21,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.lab.world import rollouts_in
+from sim.lab.world import rollout_in
 from sim.research.benchmark.sessions import udr_policies
 from sim.research.benchmark.worlds import targets_of
 from sim.rollouts.draws import Disturbances, cover
@@ -59,11 +59,10 @@ def rewards_in(drawn: tuple[str, Array, Array, Array]) -> list[float]:
     """
     name, udr, contexts, errors = drawn
     (target,) = targets_of(TASK, (name,))
-    scoop, nothing = rollouts_in(target.world), np.zeros(0)  # parameters and nuisance are the world's
 
     def earned(actions: Array) -> float:
         trials = zip(contexts, actions + errors, strict=True)
-        return float(np.mean([TASK.score(scoop(nothing, place, action, nothing), place) for place, action in trials]))
+        return float(np.mean([TASK.score(rollout_in(target.world, place, action), place) for place, action in trials]))
 
     fixed = [earned(np.tile(action, (len(contexts), 1))) for action in grid()]
     return [*fixed, float(np.mean([earned(actions) for actions in udr]))]

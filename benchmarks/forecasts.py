@@ -3,10 +3,10 @@
     python benchmarks/forecasts.py --task pendulum --targets drawn
     python benchmarks/forecasts.py --task scooping --targets foods     needs the worlds' tables (adaptsim world-tables)
 
-In each world one session of the default method runs to its end, and is compared with the forecast beside the
-checkpoint (`adaptsim checkpoints trials`). Pairs with UDR go on with the final policy until a gain is shown. Then the
-same session runs with answers that belong to other actions: there the verdict has to say that the predictions say
-nothing. Sessions are kept in `--out`; the same command goes on.
+In each world one session of the default method runs to its end, and is compared with the forecast beside the checkpoint
+(`adaptsim checkpoints trials`). Pairs with UDR continue with the final policy until a gain is shown. Then the same
+session runs with answers that belong to other actions: there the verdict has to say that the predictions say nothing.
+Sessions are stored in `--out`; the same command continues.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from world_sources import source_in
 
-from adaptsim_cli import config
-from adaptsim_cli.research.world_tables import tables_folder
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.method import FAILED, Trial
@@ -29,13 +28,8 @@ from sim.adaptation.paired import is_gain_shown
 from sim.adaptation.trials_forecast import MOST_PAIRS, TrialsForecast, load
 from sim.adaptation.trials_needed import Play, course
 from sim.adaptation.verdict import Kind
-from sim.lab.physics import in_physics
-from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
-from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
+from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
-from sim.tasks.fingerprint import scene_key
-from sim.tasks.task import Task
 
 PARTICLES = 2
 NEAR = {0.1: (0.05, 0.15), 0.2: (0.15, 0.3), 0.4: (0.3, 0.5)}
@@ -58,7 +52,7 @@ class Course:
 
 
 def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wired: bool) -> Course:
-    """Play a session; `wired`: the outcomes are those of the actions, else of random ones."""
+    """Run a session; with `wired` the outcomes are those of its actions, otherwise those of random ones."""
     task, rng = checkpoint.solver.task, np.random.default_rng((seed, 1))
     udr = udr_policies(checkpoint.solver, np.random.default_rng((seed, 2)))[0]
     others = np.random.default_rng((seed, 3, zlib.crc32(world.encode())))
@@ -86,15 +80,6 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
     )
 
 
-def source(checkpoint: Checkpoint, task: Task, target: BenchmarkWorld) -> TrialSource:
-    """True rollouts for the pendulum, else the table of the world."""
-    if task.exact:
-        return SimulatedTrials(checkpoint.solver, target.world)
-    folder = tables_folder(config.load({"task": task.name})) / target.set / target.name
-    scene = scene_key(in_physics(task, target.world.physics))
-    return TableTrials(task, load_table(task, target.world, scene, folder))
-
-
 def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired: bool) -> list[Course]:
     """The session of each world; stored ones are read."""
     task = checkpoint.solver.task
@@ -102,14 +87,15 @@ def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired:
     for target in targets_of(task, targets.split(",")):
         path = out / f"{task.name}-{target.name}-{seed}-{'true' if wired else 'shuffled'}.json"
         if not path.exists():
-            one = kept_course(checkpoint, target.name, source(checkpoint, task, target).play, seed, wired=wired)
+            place = source_in(target, checkpoint.solver, tables=not task.exact)
+            one = kept_course(checkpoint, target.name, place.play, seed, wired=wired)
             path.write_text(json.dumps(asdict(one)))
         courses.append(Course(**json.loads(path.read_text())))
     return courses
 
 
 def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str, float, int, int]]:
-    """(until, at most, share said, sessions that held it, sessions)."""
+    """(event, at most, predicted share, sessions in which it was true, sessions)."""
     lines = []
     for until, said, counts in (
         ("first success", forecast.first_success, [c.first_success for c in courses]),
@@ -126,7 +112,7 @@ def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str
 
 
 def is_near(one: Course, difference: float) -> bool:
-    """Whether the row of the forecast for `difference` stands for the world."""
+    """Whether the row of the forecast for `difference` applies to the world."""
     low, high = NEAR[difference]
     return low <= one.gain < high
 

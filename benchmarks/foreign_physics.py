@@ -3,9 +3,9 @@
     python benchmarks/foreign_physics.py --task pushing
     python benchmarks/foreign_physics.py --task scooping --pictures docs/figures
 
-A case is a drawn world (parameters in Omega or its margin, each effect that both know in every second one) with an
-evenly drawn context and action: nobody chose it. It is rolled out in Drake as in training, again with the object
-`NUDGE_M` farther off, and in MuJoCo. The nudge says how much two rollouts differ that nobody can tell apart.
+A case is a drawn world (parameters in Omega or its margin, and each effect that both simulators have with a chance of
+one half) with a random context and action. It is rolled out in Drake as in training, again with the object `NUDGE_M`
+farther off, and in MuJoCo. The nudge shows how much two rollouts differ that look the same.
 
 `--pictures` renders one rollout in both from the recorded poses, by the lab's renderer: only the motion differs.
 """

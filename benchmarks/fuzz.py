@@ -6,11 +6,11 @@ Each case takes a valid file and changes it: bytes flipped, cut, doubled or repl
 also values replaced and keys removed or renamed. A reader may accept the file or raise an error of this program.
 Anything else is printed with its reader and number, and `--only NUMBER --reader NAME` repeats it.
 
-Seed 55, 60 minutes: 1,133,550 cases of 33 kinds of files, 972,738 refused, one traceback, since mended (a URDF whose
-links form a circle took all memory; so a case may take 8 GB at most).
-Seed 0, 60 minutes beside other work: 445,900 cases of 28 kinds of files, 374,387 refused, one traceback, since mended
-(a recording with a length beyond all memory). Seed 42 before it, 25 minutes: 35,392 cases, 10 tracebacks of
-two defects, mended too (infinite numbers in `trials.csv`, places of four numbers in a URDF).
+Seed 55, 60 minutes: 1,133,550 cases of 33 kinds of files, 972,738 refused, one traceback, which has been fixed (a URDF
+whose links form a circle took all memory; so a case may take 8 GB at most). Seed 0, 60 minutes beside other work:
+445,900 cases of 28 kinds of files, 374,387 refused, one traceback, which has been fixed (a recording with a length
+beyond all memory). Seed 42 before it, 25 minutes: 35,392 cases, 10 tracebacks of two defects, fixed too (infinite
+numbers in `trials.csv`, places of four numbers in a URDF).
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Reader:
 
 
 def readers(made: Path) -> list[Reader]:
-    """All readers, each with a valid file. What those need besides is written into the folder `made`."""
+    """All readers, each with a valid file. Further files that these need are written into the folder `made`."""
     folder = real_views.corner_folder(made / "views")
     setup, view = (folder / files.SETUP).read_bytes(), (folder / "view-00.json").read_bytes()
     calibration = solve_folder(folder, created="2026-01-01").record.content()

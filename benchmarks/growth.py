@@ -3,7 +3,7 @@
     python benchmarks/growth.py [--trials 4 20 100 400] [--sessions 10 1000] [--frames 30 300] [--plot FIGURE.png]
 
 Prints seconds of the processor, not of the clock, so other work on the computer hardly matters. A session is one of the
-pendulum, where nothing is filmed: all that grows is learning, reading and drawing.
+pendulum, where nothing is filmed: so only learning, reading and drawing grow.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def cpu_s(work: Callable[[], T]) -> tuple[float, T]:
 
 
 def session(sizes: Sequence[int], plot: Path | None) -> None:
-    """One session, measured at every size; a report is drawn only there, and the figure anew."""
+    """One session, measured at every size; a report is drawn only there, and the figure is updated."""
     resolved = config.load({"task": "pendulum", "world": "wd", "seed": 0})
     screen, reports, found = Screen(console=Console(file=StringIO(), width=80)), Reports(), list[Size]()
     opened, read = [0], records.read

@@ -3,7 +3,7 @@
     python benchmarks/hand_stops.py --stops 20
 
 The makers' SDKs, over their protocol, against the stand-in of `tests/support/gripper_server.py`; the time runs from the
-event to the stop command's arrival at the hand. What a hand then does is its own affair: only a device can show it.
+event to the stop command's arrival at the hand. Only a real hand can show how it then stops.
 """
 
 from __future__ import annotations

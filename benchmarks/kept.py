@@ -1,4 +1,4 @@
-"""Rows of a long benchmark, kept one a line as they are made, so that a stopped one goes on where it was."""
+"""Rows of a long benchmark, stored one per line as soon as they are made, so that a stopped run can continue."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 
 class Kept:
-    """What is in the file already is not made again. Without a file every row is made and none is kept.
+    """Rows that are in the file already are not made again. Without a file every row is made and none is kept.
 
-    A line that a stop cut off half-way is dropped. Rows of other code than today's are not told apart: begin a new
-    file after a change.
+    A line that a stop cut off half-way is dropped. It does not notice rows that earlier code has made: begin a new file
+    after a change.
     """
 
     def __init__(self, path: Path | None) -> None:

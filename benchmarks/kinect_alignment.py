@@ -1,8 +1,8 @@
-"""How well depth lies on colour in a recording of an Azure Kinect, on the outlines of what stands near; with a picture.
+"""How well depth and colour agree in a recording of an Azure Kinect, at the outlines of near objects; with a picture.
 
     python benchmarks/kinect_alignment.py RECORDING.mkv --out docs/figures/kinect-alignment.png
 
-Also says what it finds when the depth camera is turned by a known angle: what the number can tell.
+It also measures with the depth camera turned by a known angle, which shows how sensitive the number is.
 """
 
 from __future__ import annotations
@@ -98,7 +98,8 @@ def undistorted(pixels: Array, camera: Intrinsics) -> Array:
 
 
 def align(frame: Frame, model: CameraModel, nearest_m: float, farthest_m: float) -> Alignment:
-    """Left and right outlines of what lies between these distances (of the depth camera) against the colour's edges.
+    """The left and right outlines of objects between these distances (of the depth camera) compared with the edges in
+    colour.
 
     A pixel of depth is at an outline when the next reading beside it (within five pixels: those that see both sides
     have none) is further away by `JUMP_M`. Raises CameraError when fewer than 60 points are clear.
@@ -123,7 +124,7 @@ def align(frame: Frame, model: CameraModel, nearest_m: float, farthest_m: float)
 
 
 def _ends(z_m: Array, side: tuple[int, int], nearest_m: float, farthest_m: float) -> NDArray[np.bool_]:
-    """(H, W) where something within the distances ends towards `side` (rows, columns), and goes on to the other."""
+    """(H, W) where an object within the distances ends towards `side` (rows, columns) and continues on the other."""
     near = (z_m > nearest_m) & (z_m < farthest_m)
     inner = np.roll(z_m, side, axis=(0, 1))
     ends = near & (np.abs(inner - z_m) < 0.25 * JUMP_M)
@@ -141,7 +142,8 @@ def _ends(z_m: Array, side: tuple[int, int], nearest_m: float, farthest_m: float
 def _edges(grey: NDArray[np.float32], places: Array, ways: Array) -> tuple[Array, NDArray[np.bool_]]:
     """(N,) the clear edge of the colour nearest to each place along its normal, in pixels; and whether there is one.
 
-    Clear is a peak of the slope at least half as high as the highest within reach: a thing has a pattern of its own.
+    A clear edge is a peak of the slope at least half as high as the highest nearby, because an object has a pattern of
+    its own.
     """
     along_px = np.arange(-_REACH_PX, _REACH_PX + _STEP_PX / 2, _STEP_PX)
     if not len(places):

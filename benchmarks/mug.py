@@ -1,4 +1,4 @@
-"""The cylinder that stands on a table in a real recording of an Azure Kinect, and a picture of what was found.
+"""The cylinder that stands on a table in a real recording of an Azure Kinect, and a picture of the result.
 
     python benchmarks/mug.py recording.mkv [--png mug.png]
 
@@ -42,8 +42,8 @@ def find_plane(
 ) -> Plane:
     """The plane that most of `points_m` (N, 3) lie on, of those with a normal within `within_rad` of `up` (3,).
 
-    Random triples (Fischler and Bolles, 1981), then least squares over what lies within `near_m`.
-    Raises TableNotFound when no such plane holds a fiftieth of the points.
+    Random triples (Fischler and Bolles, 1981), then least squares over the points within `near_m`. Raises TableNotFound
+    when no such plane holds a fiftieth of the points.
     """
     few = points_m[rng.choice(len(points_m), min(_SAMPLE, len(points_m)), replace=False)]
     corners = few[rng.integers(0, len(few), (_TRIES, 3))]
@@ -112,7 +112,7 @@ class Survey:
 def survey(
     frame: Frame, model: CameraModel, up: Array, rng: np.random.Generator, most_m: float = 1.0, table_m: float = 0.006
 ) -> Survey:
-    """The table below what the depth camera sees within `most_m`, and the largest cylinder that stands on it.
+    """The table in the depth image within `most_m`, and the largest cylinder that stands on it.
 
     `up` (3,) is roughly the vertical in the depth camera. Raises TableNotFound, ObjectNotFound.
     """
@@ -133,7 +133,7 @@ def survey(
 
 
 def _standing(scan: Scan, thing: Thing) -> Standing | None:
-    """The upright cylinder through a thing's side; None when too little of a side is seen."""
+    """The upright cylinder through the side of an object; None if too little of the side is visible."""
     height = thing.points_m[:, 2]
     side = thing.points_m[(height > 2 * _RIM_M) & (height < thing.height_m - _RIM_M), :2]
     if len(side) < _FEWEST:
@@ -169,7 +169,7 @@ def main() -> None:
 
 
 def drawn(frame: Frame, model: CameraModel, seen: Survey) -> Array:
-    """(h, w, 3) RGB: readings of what stands on the table, and the rims of the cylinder fitted to them."""
+    """(h, w, 3) RGB: readings above the table, and the rims of the cylinder fitted to them."""
     image, X_CB, circle = frame.colour.copy(), inverse(seen.X_BC), seen.cylinder.circle
     for u, v in project(model.colour, X_CB, seen.cylinder.thing.points_m[::7]):
         cv2.circle(image, (round(u), round(v)), 1, READ_RGB, -1)

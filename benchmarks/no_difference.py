@@ -2,9 +2,9 @@
 
     python benchmarks/no_difference.py --sessions 40
 
-In each session UDR is compared with UDR, `run-iteration --method udr --control udr`: pushing in MuJoCo, the parameters
-of worlds that a rule drew (seed 3), noise from trial to trial. Every claim that the screen made after an iteration is
-counted; it may be read after each. Sessions are kept in `--out`; the same command goes on.
+Each session compares UDR with UDR (`run-iteration --method udr --control udr`), in pushing in MuJoCo. The parameters
+are those of drawn worlds (seed 3), and noise differs from trial to trial. Every claim of the screen is counted, because
+a person may read it after each iteration. Sessions are stored in `--out`; the same command continues.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def world_file(task: Task, number: int, folder: Path) -> Path:
 
 
 def claims(task: Task, number: int, folder: Path) -> list[dict[str, Any]]:
-    """What the session said of the pairs after each iteration."""
+    """The sentence of the session about the pairs after each iteration."""
     kept = folder / f"session-{number}.json"
     if not kept.exists():
         command = [sys.executable, "-m", "adaptsim_cli", "run-iteration", "--task", task.name]

@@ -3,8 +3,8 @@
     python benchmarks/outcomes.py --out outcomes.jsonl [--worlds 4] [--camera kinect|small] [--tasks scooping pushing]
 
 Each trial is a random action by the whole arm in a drawn world of its own, filmed by the lab's camera under one
-condition (`sensing/conditions.py`), and tracked from its recording as in a session. OUT keeps a line for each trial, so
-that a run that was stopped goes on. `small` is a camera with a quarter of the resolution. Prints a row per condition:
+condition (`sensing/conditions.py`), and tracked from its recording as in a session. OUT stores a line for each trial,
+so that a stopped run can continue. `small` is a camera with a quarter of the resolution. Prints a row per condition:
 trials, refused before the motion and after it (these are made again), outcomes that count, the wrong ones among them,
 those of them that no flag doubts, and how far the place at the end is off, median / p95; then the sum, with the 95 %
 interval (Clopper-Pearson) of the share that is wrong without a doubt. Nobody looks at the pictures here; in a session a
@@ -58,7 +58,7 @@ def write_row(name: str, trials: list[Judged]) -> None:
 
 
 def write_sum(trials: list[Judged]) -> None:
-    """The share of counted trials that are wrong without a doubt, and its interval."""
+    """The share of counted trials that are wrong without a flag, and its interval."""
     counted = [one for one in trials if not one.refused]
     n, k = len(counted), sum(one.is_wrong and not one.is_doubted for one in counted)
     low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0

@@ -1,13 +1,13 @@
-"""Judge the outline of arm and hand (`hw.outline`), capsules that hold the maker's meshes of all arms; or fit it.
+"""Measure the outline of arm and hand (`hw.outline`), capsules that contain the maker's meshes of all arms; or fit it.
 
     PYTHONPATH=tests/support python benchmarks/outline.py
     PYTHONPATH=tests/support python benchmarks/outline.py --fit --starts 256 --steps 1200    # on a GPU: two minutes
     PYTHONPATH=tests/support python benchmarks/outline.py --adjust    # two minutes
 
-Judged is how far the farthest point of the meshes lies outside of the outline (never above 0), and the excess: how far
-the outline's own surface lies outside of the meshes, at the worst point and in the mean. What lies inside of a
-neighbouring link at every angle of the joint between them is no excess. A link's meshes are those of all arms; the
-outline holds them solid, not only their surface.
+It measures how far the farthest point of the meshes lies outside of the outline (never above 0), and the excess. The
+excess is the distance of the outline's own surface from the meshes, at the worst point and in the mean. Parts inside a
+neighbouring link at every angle of the joint between them do not count as excess. A link's meshes are those of all
+arms; the outline holds them solid, not only their surface.
 
 The adjustment of another arm's meshes keeps the outline that was fitted and moves it as little as these need, by a
 random search with a fixed seed: a wider capsule costs more than a moved one. The rows of links 1 to 4 are those that it
@@ -170,7 +170,7 @@ def excess(rows: Tensor, body: Solid, points: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def fit(body: Solid, capsules: int, starts: int, steps: int, seed: int) -> Array:
-    """(K, 7) the best of so many random starts."""
+    """(K, 7) the best of this many random starts."""
     rng = np.random.default_rng(seed)
     must = body.points_m[torch.as_tensor(rng.choice(len(body.points_m), 2500), device=DEVICE)]
     few = shell(SHELL)
@@ -226,7 +226,7 @@ def committed(name: str) -> Array:
 
 
 def adjusted(name: str, seed: int, tries: int = 3500) -> Array:
-    """(K, 7) the outline of a link, moved so that it holds the meshes of every arm with the margin."""
+    """(K, 7) the outline of a link, moved so that it contains the meshes of every arm with the margin."""
     rng = np.random.default_rng(seed)
     points = np.concatenate([bodies(model)[_link(name)].points_m(0.003) for model in MODELS])
     rows = committed(name)
@@ -259,7 +259,7 @@ def _axes_m(rows: Array, points: Array) -> Array:
 
 
 def _needed(ends: Array, radii: Array, points: Array) -> Array:
-    """(K,) the radii at which each capsule holds the points that it is nearest to."""
+    """(K,) the radii at which each capsule contains its nearest points."""
     apart = _axes_m(ends, points)
     owner = (apart - radii[:, None]).argmin(axis=0)
     return np.array([apart[k, owner == k].max(initial=0.0) for k in range(len(ends))])

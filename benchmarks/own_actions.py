@@ -1,4 +1,4 @@
-"""What an action of its own is worth, by the simulator: the best action of each truth against the best fixed rule.
+"""The worth of an own action by the simulator: the best action of each truth compared with the best fixed rule.
 
 For truths that fill Omega, or the margin beyond it, every action of a large set is valued in drawn contexts. The fixed
 rule has one action for each context, chosen in half of the truths and scored in the other half, and the other way
@@ -48,10 +48,10 @@ def values(solver: Solver, truths: Array, actions: Array) -> Array:
     drawn = Disturbances.evenly(task, DRAWS if varies(task) else 1, rng)
     rows = []
     for truth in truths:
-        success, end = solver.outcomes(
+        predicted = solver.outcomes(
             truth, (actions[:, None, None] + drawn.error), drawn.nuisance, task.simulated_in(contexts)[:, None]
         )
-        earned = success * task.reward_of_success(end, contexts[:, None])
+        earned = task.expected_reward(predicted, contexts[:, None])
         rows.append(earned.mean(axis=(0, 3)))
     return np.array(rows)
 

@@ -5,8 +5,8 @@ Phase 1, and others.
     python benchmarks/own_simulator.py glide.py [--worlds wd tilted] [--seeds 3] [--budget 8] [--methods ...]
 
 Prints, for each way, the mean reward of its final policy over worlds and seeds by true rollouts in the world, and the
-rollouts that it simulated. The checkpoint is the newest one of the task. `scipy` stands for the script that a student
-writes: least squares for the parameters, and a search among simulated actions.
+rollouts that it simulated. The checkpoint is the newest one of the task. `scipy` is a script as a student would write
+it: least squares for the parameters, and a search among simulated actions.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@
 
 The emulator and the reward table are those of the shipped checkpoint, whose own policy is seed 0. The training is that
 of `adaptsim pretrain --methods`: 10,000 episodes. The gate compares a trained policy with staying where it starts, and
-with its own mean drift, in emulated episodes; the second command judges it by true rollouts. What is there is kept.
+with its own mean drift, in emulated episodes; the second command tests it by true rollouts. Existing trainings are
+kept.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
 
 
 def draw(curves: dict[str, list[dict[str, Any]]]) -> None:
-    """Expected reward over the training, a line a seed, beside what staying and drifting earn."""
+    """Expected reward over the training, one line per seed, beside the rewards of staying and drifting."""
     figure, axes = plt.subplots(1, len(curves), figsize=(4.2 * len(curves), 3.0), squeeze=False)
     for axis, (name, found) in zip(axes[0], curves.items(), strict=True):
         for seed, one in enumerate(found):

@@ -1,4 +1,5 @@
-"""What each arm still does with a load in its hand: accepted and refused motions by declared payload, as a table.
+"""The motions that each arm can make with a load in its hand: accepted and refused ones by declared payload, as a
+table.
 
     python benchmarks/payloads.py
     python benchmarks/payloads.py --moves 200
@@ -8,8 +9,8 @@ the reference context, planned with the shipped tool), and random moves between 
 their joint limits allow. Each is checked as before a real motion, its stops included (`Workcell.require`). The load
 hangs 0.12 m under the flange. The last column names the quantity that refuses most of them.
 
-A second table has the largest share of each limit of torque and flange that the motions of the tasks, with the shipped
-tool, and their stops from every 50 ms use.
+A second table has the largest used share of each limit of torque and flange, by the motions of the tasks with the
+shipped tool and by their stops from every 50 ms.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ FAST = 0.9
 
 
 def loaded(tool: Tool, kg: float) -> Tool:
-    """`tool` with so much between its fingers instead of what it weighs."""
+    """`tool` with this mass between the fingers instead of its own."""
     radius_m = 0.04
     load = Mass(kg, np.array([0.0, 0.0, UNDER_FLANGE_M]), 0.4 * kg * radius_m**2 * np.eye(3))
     return replace(tool, mass=HAND_MASS + load)
@@ -83,7 +84,9 @@ def moves(model: str, count: int) -> tuple[Workcell, list[JointPath]]:
 
 
 def row(cell: Workcell, paths: list[JointPath], kg: float) -> tuple[int, float, str]:
-    """How many of the paths pass with that load, the largest share of a torque limit, and what refuses most."""
+    """How many of the paths pass with that load, the largest share of a torque limit, and the most frequent reason of a
+    refusal.
+    """
     there, reasons, share, passed = cell.holding(loaded(cell.tool, kg)), Counter[str](), 0.0, 0
     for path in paths:
         torque = next(c for c in there.motion.checks(path) if c.quantity == "torque")

@@ -1,12 +1,12 @@
-"""Do the intervals of the shown posterior hold the pendulum's true parameters? Simulation-based calibration.
+"""Do the intervals of the shown posterior contain the pendulum's true parameters? Simulation-based calibration.
 
     python benchmarks/pendulum_intervals.py --seed 5209 --truths 200
     python benchmarks/pendulum_intervals.py --seed 5209 --truths 200 --noise 0.005
 
 Truths are those of `pendulum_truths`: inside Omega, outside of it in the margin, and beyond the margin. Each has two
-trials, with the first two actions of a session. Without noise nothing is random, so the best fit is the truth, and
-every interval should hold it: then its width is what counts. `--noise` adds independent normal noise to each observed
-value, in fractions of its range: then 90 % of the intervals should hold the truth, and its ranks should be uniform. A
+trials, with the first two actions of a session. Without noise nothing is random, so the best fit is the truth, every
+interval should contain it, and only its width matters. `--noise` adds independent normal noise to each observed value,
+in fractions of its range: then 90 % of the intervals should contain the truth, and its ranks should be uniform. A
 posterior that collapsed has no interval.
 """
 

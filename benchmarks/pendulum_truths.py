@@ -2,8 +2,8 @@
 
     python benchmarks/pendulum_truths.py --seed 6841 --worlds 8 --budget 4
 
-Beyond the margin only pendulums count whose optimal gain lies in the ranges of the action. Sessions are deterministic,
-so each world has one.
+Beyond the margin, only pendulums with an optimal gain in the ranges of the action count. Sessions are deterministic, so
+each world has one.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""How long one cycle of the player takes, stops among them: worst, 99.99th percentile and median of many cycles.
+"""How long one cycle of the player takes: worst, 99.99th percentile and median of many cycles, including stops.
 
     sudo python benchmarks/player_timing.py --busy 2
 
 A cycle is what the program does between a state of the arm and the joints that it commands (`Playback.step`, with the
 pipe on which the program is heard). Every motion is stopped at another of its moments. No arm and no network take part;
-`--busy` starts so many processes that compute all the time.
+`--busy` starts this many processes that compute all the time.
 
-Cycles come a thousand times a second, and the process has what the player claims on a real arm (`hw.franka.realtime`):
-real-time priority, locked memory, one core, and a processor that stays awake. The kernel may be any; what it or a
-virtual machine's host holds up still counts. How much that is shows a piece of fixed arithmetic of a similar length,
-timed beside every cycle: "the computer alone".
+Cycles come a thousand times a second, and the process has the same rights as the player of a real arm
+(`hw.franka.realtime`): real-time priority, locked memory, one core, and a processor that stays awake. Any kernel will
+do; delays by it or by the host of a virtual machine are included. A fixed computation of similar length, timed beside
+every cycle, shows how large they are ("the computer alone").
 """
 
 from __future__ import annotations
@@ -94,7 +94,9 @@ def cycles(cell: Workcell, count: int) -> tuple[dict[str, Array], int]:
 
 
 def as_player() -> tuple[str, ...]:
-    """Claim what the player of a real arm does. -> a sentence for each thing that this computer does not permit."""
+    """Request the same priority, memory and core as the player of a real arm. -> a sentence for each that this computer
+    refuses.
+    """
     with tempfile.NamedTemporaryFile("w") as flag:  # any kernel will do here
         flag.write("1")
         flag.flush()

@@ -1,7 +1,7 @@
 """The bottle: pushes by the whole arm, and the same pushes with a hand in the picture.
 
 Only depth images are rendered, which is all that the tracker reads, from the measured joints and the true motion of the
-bottle, with a new sensor a push.
+bottle, with a new sensor for each push.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ GONE = np.array([[1.0, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, -3.0], [0, 0, 0, 1.0]
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """What truly happened in one push, on the arm's clock."""
+    """The true course of one push, on the arm's clock."""
 
     execution: Execution
     t_s: Array  # (N,)
@@ -74,7 +74,7 @@ class Push:
 
     @cached_property
     def fell_s(self) -> float:
-        """When training would count it as fallen: its first reading past `TIPPED_DEG`; inf for one that stands."""
+        """The time at which training would count it as fallen: its first reading past `TIPPED_DEG`; else inf."""
         start_s = self.execution.t_start_s
         for t_s in np.arange(start_s, self.end_s, READ_EVERY_S):
             if lean_deg(self.bottle(float(t_s))) > TIPPED_DEG:
@@ -121,7 +121,7 @@ def pushes(count: int, seed: int) -> Iterator[Push]:
 
 
 def pushed(lab: SimulatedLab, cell: Workcell, rng: np.random.Generator, tries: int) -> Iterator[Push]:
-    """A push of the bottle at its mark by every executable action of so many random ones."""
+    """A push of the bottle at its mark by every executable action out of this many random ones."""
     for trial, _, approach, path in executable(TASK, cell, rng, tries):
         lab.bench.place(START_M, trial, 0)
         lab.arm.execute(approach)

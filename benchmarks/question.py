@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
 from adaptsim_cli.bench.rig import Rig, Tracker
+from adaptsim_cli.research.lab_place import Nobody
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
@@ -80,13 +81,6 @@ class Repeating:
         times_s = np.arange(self._since_s, time.monotonic(), 1.0 / RATE_HZ)
         with ThreadPoolExecutor(max_workers=2) as pool:  # as the driver's process
             return tuple(pool.map(self.shot.frame, times_s))
-
-
-class Nobody:
-    """Answers nothing, as nothing is asked."""
-
-    def placed(self, what: str, wanted_m: Any, real: bool) -> None:
-        return
 
 
 def alone(frame: Frame, model: CameraModel, seen: Survey) -> NDArray[np.uint16]:

@@ -64,7 +64,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Session:
-    """What one session earned: a line of the table of sessions."""
+    """The rewards of one session: a line of the table of sessions."""
 
     part: str
     world: str
@@ -88,15 +88,16 @@ WHOLE = (
 )
 SHORT = (Part("pendulum", "pendulum", "wd,ood-1", {(*FIVE, "adaptsim-iteration", "random", "oracle"): 1}, 6),)
 
-HEAD = """All methods, compared. `{command}` runs the sessions and writes this page from
-[sessions.csv](sessions.csv), which has a line for each. *Reward*: that of the policy that a session ends with, between
-0 and 1, with its 95 % interval over worlds (bootstrap). *Lead*: `adaptsim` minus this method in the same worlds with
-the same seeds, and the world where that is least. `oracle` and `best-action` are limits, not methods: the best E and
-the best action by the rollouts that trials use. Bold: the best method. Sessions have two particles; one training seed.
-[Methods](../why/paper.md#baselines), [worlds and scores](../reference/benchmark.md).
+HEAD = """This page compares all methods. `{command}` runs the sessions and writes this page from
+[sessions.csv](sessions.csv), which has a line for each session. *Reward* is the mean reward, between 0 and 1, of the
+policy with which a session ends, and its 95 % interval over worlds (bootstrap). *Lead* is the reward of `adaptsim`
+minus that of this method, in the same worlds with the same seeds, and then the world in which it is smallest. `oracle`
+and `best-action` are limits, not methods: the best E and the best action by the rollouts that trials use. The best
+method is bold. Sessions have two particles, and there is one training seed. `adaptsim` is our method;
+`adaptsim-iteration` is the paper's ([all methods](../why/paper.md#baselines),
+[worlds and scores](../reference/benchmark.md)).
 
-`adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω. The others, and `oracle`, know Ω
-alone."""
+`adaptsim` and `adaptsim-belief` know the margin around Ω. The others, and `oracle`, know only Ω."""
 
 REPORTED = """## Reported by the paper, on a real arm
 
@@ -106,8 +107,8 @@ REPORTED = """## Reported by the paper, on a real arm
 | pushing, light bottle | 0.87 | 0.60 | 0.71 | 0.64 | 0.76 |
 | scooping, mean of six foods | 0.73 | 0.33 | 0.35 | 0.17 | 0.13 |
 
-Theirs, after five iterations, read off the published figures to about 0.02. Other objects, another scene and a real
-table: they stand here for orientation. The simulated worlds above are not these objects.
+These are the paper's own results after five iterations, read from its figures to about 0.02. They are here for
+orientation only, because objects, scene and table differ from the simulated worlds above.
 """
 
 
@@ -166,7 +167,7 @@ def read(table: Path) -> list[Session]:
 
 
 def write(table: Path, sessions: Iterable[Session]) -> None:
-    """Write the table, a line a session."""
+    """Write the table, with one line per session."""
     with table.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(("part", "world", "method", "seed", "reward", "after"))
@@ -191,7 +192,7 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
     best = max(means(there).mean() for m, there in earned.items() if m not in LIMITS)
     after = max((s.after for s in sessions), key=len)
     trials = ", ".join(str(n) for n, _ in after)
-    head = ["method", "sessions a world", "reward", "lead", f"after {trials} trials"]
+    head = ["method", "sessions per world", "reward", "lead", f"after {trials} trials"]
     body = [
         [
             f"`{method}`",

@@ -1,11 +1,11 @@
-"""What a rollout costs and how far it can be trusted.
+"""The cost of a rollout, and its accuracy.
 
     python benchmarks/rollouts.py --task scooping --count 400 --cache build/convergence
 
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, and what a rollout costs on one core. Both steps take turns, so that a busy computer
-slows both alike. Finished rollouts are kept in the cache; a stopped run goes on.
+slows both alike. Finished rollouts are stored in the cache; a stopped run continues.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Stores the results of a sealed benchmark for the page docs/results/sealed.md, which `make docs` writes.
 
 The folder is that of `adaptsim benchmark --targets sealed`. Worlds in which an entry is missing, because the run was
-stopped, are left out from there on: what remains are the first worlds of the seed.
+stopped, are left out from there on, so that the first worlds of the seed remain.
 
     python benchmarks/sealed.py FOLDER SEAL.toml --command "adaptsim benchmark ..."
 """

@@ -3,9 +3,9 @@
     PYTHONPATH=tests/support python benchmarks/silence.py --times 10
 
 The program, its player, the pedal's serial line (a pseudo-terminal) and the FR3's protocol are real; the arm is
-franky-sim's, which waits for late commands. A process that sends itself a byte over such a line every millisecond
-measures meanwhile how long this computer holds a process or a line up; what happened while that was more than
-`NOISE_S` does not count.
+franky-sim's, which waits for late commands. Meanwhile, a process that sends itself a byte over such a line every
+millisecond measures how long this computer delays a process or a line. Results during delays of more than `NOISE_S` do
+not count.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _sleep(worst: Any) -> None:
 
 @dataclass(frozen=True)
 class Happened:
-    """What one fault did: times of `time.monotonic`, and how long this computer held a process up meanwhile."""
+    """The effect of one fault: times of `time.monotonic`, and how long this computer delayed a process meanwhile."""
 
     at_s: float  # the last sign of life
     said: dict[str, Any]  # by the program, after its motion
@@ -112,13 +112,13 @@ Fault = Callable[[Moving], float]
 
 
 def silent_pedal(moving: Moving) -> float:
-    """The box says nothing any more."""
+    """The box falls silent."""
     moving.box.silent = True
     return moving.box.last_s
 
 
 def hanging_program(moving: Moving) -> float:
-    """The program says nothing any more; its player goes on."""
+    """The program falls silent; its player continues."""
     moving.signal(signal.SIGSTOP, player=False)
     stopped_s = time.monotonic()
     time.sleep(1.0)
@@ -159,8 +159,8 @@ def programmed(server: Fr3Process) -> Iterator[Moving]:
 
 @dataclass(frozen=True)
 class EndedEarly:
-    """A motion that did not come as far as its fault: what the program said, and how long a process or the pedal's
-    thread was held up.
+    """A motion that ended before its fault: the output of the program, and how long a process or the pedal's thread was
+    delayed.
     """
 
     said: dict[str, Any]
@@ -168,7 +168,7 @@ class EndedEarly:
 
 
 def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
-    """One motion, and one fault so long into it."""
+    """One motion, and one fault at this time of the motion."""
     last_s, commands, before_s = list[float](), list[int](), list[float]()
     with fr3() as server, programmed(server) as moving:
 
@@ -192,7 +192,9 @@ def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
 
 
 def quietest(noise: Noise, fault: Fault, at_s: float, tries: int = 5) -> Happened | EndedEarly:
-    """The first of some tries in which this computer held nothing up for more than `NOISE_S`, else the quietest."""
+    """The first of some tries without delays of more than `NOISE_S` by this computer, else the one with the smallest
+    delay.
+    """
     found = list[Happened | EndedEarly]()
     while len(found) < tries and not (found and found[-1].noise_s <= NOISE_S):
         found.append(happened(noise, fault, at_s))

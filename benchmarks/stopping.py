@@ -4,35 +4,41 @@ worlds.
     python benchmarks/stopping.py --task pushing --targets drawn-3            forty worlds that a rule drew
     adaptsim world-tables --task pushing --targets drawn
     python benchmarks/stopping.py --task pushing --targets drawn --tables      looked up: many times faster
+    python benchmarks/stopping.py --task pushing --stored                      the stored sessions, without running any
 
 A session goes on after its first iteration, which is right where the second one gained more than 0.05. From then on it
-says stop, which is wrong where the next iteration gained more than 0.05 after all. Both are base rates, after each
-iteration; beside them are those of sessions with a predicted reward below `LOW`. A session that ends under 0.2 should
-have said "hopeless", and one that ends above 0.3 should not. Rewards come from true rollouts, or from the half of a
-table that no trial sees.
+says stop, unless the latest iteration refuted its policy; which is wrong where the next iteration gained more than 0.05
+after all. These are base rates, after each iteration; beside them are those of sessions with a predicted reward below
+`LOW`, and of those with a refuted policy. A session that ends under 0.2 should have said "hopeless", and one that ends
+above 0.3 should not. Rewards come from true rollouts, or from the half of a table that no trial sees.
+
+Every iteration is a line of docs/results/stopping.csv. Sessions that are there do not run again.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from itertools import groupby, pairwise
+from pathlib import Path
 
 import numpy as np
+from world_sources import source_in
 
-from adaptsim_cli import config
-from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import ENOUGH, WORTHWHILE, SessionForecast
+from sim.adaptation.judging import final_policy
+from sim.adaptation.method import ENOUGH, REFUTED, WORTHWHILE, policy_of
 from sim.adaptation.methods.adaptsim import AdaptSim, create, forecast_after
-from sim.adaptation.outcome_posterior import PosteriorPolicy
-from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session
-from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
-from sim.research.benchmark.worlds import targets_of
+from sim.research.benchmark.sessions import Conditions, estimated_reward, run_iterations
+from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
 from sim.solvers.solver import policy_for
+from sim.storage.files import whole_file
 from sim.tasks import get_task
-from sim.tasks.fingerprint import scene_key
+from sim.tasks.task import Task
+
+STORED = Path("docs/results/stopping.csv")
 
 LOW = 0.7
 """A predicted reward below which another iteration might be worth more."""
@@ -42,12 +48,29 @@ POOR, LITTLE = 0.3, 0.2
 
 
 @dataclass(frozen=True)
-class Session:
-    """What was said after each iteration, and what was then earned."""
+class AfterIteration:
+    """A session after one of its iterations: a line of the stored table."""
 
-    target: str
-    said: tuple[SessionForecast, ...]
-    earned: tuple[float, ...]
+    task: str
+    world: str
+    seed: int
+    iteration: int  # from 1
+    predicted: float  # mean reward of the leading particle's trials in this iteration, before them
+    earned: float  # mean reward of these trials
+    expected: float  # of the final policy
+    low: float  # end of its 95 % interval
+    high: float
+    hopeless: bool
+    reward: float  # of the final policy, by rollouts that no trial sees
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether this iteration refuted its policy, so that the session goes on."""
+        return self.iteration >= ENOUGH and self.earned < REFUTED * self.predicted
+
+
+Session = Sequence[AfterIteration]
+"""All iterations of one session, in order."""
 
 
 def main() -> None:
@@ -56,69 +79,120 @@ def main() -> None:
     parser.add_argument("--targets", default="drawn", help="worlds: a set, or names")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tables", action="store_true", help="look trials and scores up")
+    parser.add_argument("--stored", action="store_true", help="run nothing, count all stored sessions of the task")
     asked = parser.parse_args()
-    tell(played(asked.task, asked.targets, asked.seed, tables=asked.tables))
-
-
-def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Session]:
-    """One session in each world, told as it ends."""
-    task, found = get_task(name), []
-    conditions = Conditions(budget=10 if task.exact else 20)
-    checkpoint = load_checkpoint(task)
-    method, e = create(task, checkpoint), checkpoint.reward_table
-    assert e is not None
-    shown = policy_for(checkpoint.solver, e.candidates[:1])
-    root, scene = tables_folder(config.load({"task": name})), scene_key(task)
-    for target in targets_of(task, targets.split(",")):
-        place: TrialSource = SimulatedTrials(checkpoint.solver, target.world)
-        if tables:
-            place = TableTrials(task, load_table(task, target.world, scene, root / target.set / target.name))
-        policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
-        own = [policy for policy in policies if isinstance(policy, PosteriorPolicy)]
-        earned = tuple(estimated_reward(task, policy.actions, place, conditions, seed).mean for policy in own)
-        said = tuple(forecast_after(one.posterior, shown, i) for i, one in enumerate(own, 1))
-        found.append(Session(target.name, said, earned))
-        last = found[-1].said[-1]
+    if asked.stored:
+        print("\n".join(counts(sessions_of(asked.task, read()))))
+        return
+    task, played = get_task(asked.task), list[Session]()
+    for target in targets_of(task, asked.targets.split(",")):
+        known = [s for s in sessions_of(asked.task, read()) if (s[0].world, s[0].seed) == (target.name, asked.seed)]
+        if not known:
+            known = [tuple(play(task, target, asked.seed, tables=asked.tables))]
+            write([*read(), *known[0]])
+        last = known[0][-1]
         print(
-            f"{target.name:>12}: earned {', '.join(f'{r:.2f}' for r in earned)}; at the end expected "
-            f"{last.reward:.2f} ({last.ci95[0]:.2f} to {last.ci95[1]:.2f}), {'hopeless' if last.hopeless else ''}",
+            f"{target.name:>12}: earned {', '.join(f'{one.reward:.2f}' for one in known[0])}; at the end expected "
+            f"{last.expected:.2f} ({last.low:.2f} to {last.high:.2f}), {'hopeless' if last.hopeless else ''}",
             flush=True,
         )
-    return found
+        played += known
+    print("\n".join(counts(played)))
 
 
-def tell(sessions: Sequence[Session]) -> None:
-    """All that the sessions said, against what came."""
-    changes = [
-        (number, said.reward, after - now)
-        for s in sessions
-        for number, (said, now, after) in enumerate(zip(s.said, s.earned, s.earned[1:], strict=False), start=1)
-        if not said.hopeless
-    ]
-    print(
-        "| after iteration | predicted | chances | the next gained more than 0.05 | lost more than 0.05 |\n"
-        + "|---" * 5
-        + "|"
-    )
-    numbers = sorted({number for number, *_ in changes})
-    rows = [(str(n), {n}) for n in numbers] + [(f"{ENOUGH} and later", {n for n in numbers if n >= ENOUGH})]
-    for name, included in rows:
-        for reward, low, high in (("any", -np.inf, np.inf), (f"below {LOW}", -np.inf, LOW)):
-            change = np.array([off for n, predicted, off in changes if n in included and low <= predicted < high])
+def play(task: Task, target: BenchmarkWorld, seed: int, *, tables: bool) -> Iterator[AfterIteration]:
+    """One session in a world."""
+    conditions, checkpoint = Conditions(budget=10 if task.exact else 20), load_checkpoint(task)
+    solver, method = checkpoint.solver, create(task, checkpoint)
+    place = source_in(target, solver, tables=tables)
+    assert checkpoint.reward_table is not None
+    for_e = policy_for(solver, checkpoint.reward_table.candidates[:1])
+    for history in run_iterations(solver, AdaptSim(method.simulators), place, conditions, seed):
+        leading = history[-1][0]
+        policy = policy_of(method, solver, leading.particle, history[:-1])
+        predicted = float(np.mean([policy.predict(trial.context)[0] for trial in leading.trials]))
+        said = forecast_after(method.outcome_posterior(history), for_e, len(history))
+        final = final_policy(method, solver, task, history)
+        yield AfterIteration(
+            task=task.name,
+            world=target.name,
+            seed=seed,
+            iteration=len(history),
+            predicted=round(predicted, 4),
+            earned=round(float(np.mean([trial.reward for trial in leading.trials])), 4),
+            expected=round(said.reward, 4),
+            low=round(said.ci95[0], 4),
+            high=round(said.ci95[1], 4),
+            hopeless=said.hopeless,
+            reward=round(estimated_reward(task, final.actions, place, conditions, seed).mean, 4),
+        )
+
+
+def read() -> list[AfterIteration]:
+    """All stored iterations."""
+    if not STORED.exists():
+        return []
+    with STORED.open(encoding="utf-8", newline="") as file:
+        return [
+            AfterIteration(
+                task=line["task"],
+                world=line["world"],
+                seed=int(line["seed"]),
+                iteration=int(line["iteration"]),
+                predicted=float(line["predicted"]),
+                earned=float(line["earned"]),
+                expected=float(line["expected"]),
+                low=float(line["low"]),
+                high=float(line["high"]),
+                hopeless=line["hopeless"] == "True",
+                reward=float(line["reward"]),
+            )
+            for line in csv.DictReader(file)
+        ]
+
+
+def write(iterations: Iterable[AfterIteration]) -> None:
+    """Store iterations instead of those that are there."""
+    with whole_file(STORED) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(field.name for field in fields(AfterIteration))
+        out.writerows(map(astuple, iterations))
+
+
+def sessions_of(task: str, iterations: Iterable[AfterIteration]) -> list[Session]:
+    """The sessions of a task."""
+    mine = [one for one in iterations if one.task == task]
+    return [tuple(session) for _, session in groupby(mine, key=lambda one: (one.world, one.seed))]
+
+
+def counts(sessions: Sequence[Session]) -> Iterator[str]:
+    """All that the sessions said, against what came: the lines of a page."""
+    yield "| after iteration | sessions | chances | the next gained more than 0.05 | lost more than 0.05 |"
+    yield "|---" * 5 + "|"
+    chances = [(now, after.reward - now.reward) for s in sessions for now, after in pairwise(s) if not now.hopeless]
+    numbers = sorted({now.iteration for now, _ in chances})
+    for name, included in [*((str(n), {n}) for n in numbers), (f"{ENOUGH} and later", set(numbers) - {1})]:
+        for kind, counts_here in (
+            ("all", lambda now: True),
+            (f"predicted reward below {LOW}", lambda now: now.expected < LOW),
+            ("policy refuted", lambda now: now.is_refuted),
+        ):
+            change = np.array([off for now, off in chances if now.iteration in included and counts_here(now)])
             gained, lost = int((change > WORTHWHILE).sum()), int((change < -WORTHWHILE).sum())
-            print(f"| {name} | {reward} | {len(change)} | {gained} | {lost} |")
-    hopeless = [s for s in sessions if s.said[-1].hopeless]
-    poor = [s for s in sessions if s.earned[-1] < LITTLE]
-    wrongly, rightly = sum(s.earned[-1] >= POOR for s in hopeless), sum(s.said[-1].hopeless for s in poor)
-    print(
+            yield f"| {name} | {kind} | {len(change)} | {gained} | {lost} |"
+    ends = [s[-1] for s in sessions]
+    hopeless, poor = [e for e in ends if e.hopeless], [e for e in ends if e.reward < LITTLE]
+    wrongly, rightly = sum(e.reward >= POOR for e in hopeless), sum(e.hopeless for e in poor)
+    yield ""
+    yield (
         f"hopeless: said in {len(hopeless)} of {len(sessions)} worlds, in {wrongly} that earned {POOR} and more; of "
         f"{len(poor)} sessions that ended under {LITTLE}, {rightly} said it"
     )
-    off = np.array([s.said[-1].reward - s.earned[-1] for s in sessions])
-    inside = [s.said[-1].ci95[0] <= s.earned[-1] <= s.said[-1].ci95[1] for s in sessions]
-    print(
+    off = np.array([e.expected - e.reward for e in ends])
+    inside = sum(e.low <= e.reward <= e.high for e in ends)
+    yield (
         f"expected at the end: {off.mean():+.3f} against earned (standard deviation {off.std():.3f}); the 95 % "
-        f"interval held it in {sum(inside)} of {len(inside)}"
+        f"interval held it in {inside} of {len(ends)}"
     )
 
 

@@ -1,6 +1,7 @@
 """How well a touch-off finds table and tool: random hidden errors of both in the simulated lab, against the truth.
 
-Prints one line a seed, then the errors' median and 95th percentile and how often the stated intervals held.
+Prints one line per seed, then the median and 95th percentile of the errors, and how often the stated intervals were
+right.
 
     python benchmarks/touch_off.py --seeds 300
 """

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,13 +55,6 @@ class Result:
     agrees: bool  # outcome as in truth
     ms_per_frame: float
     flags: tuple[str, ...]
-
-
-def run(scoops_wanted: int, sweeps_wanted: int, seed: int, worlds: Sequence[str], effects: dict[str, float]) -> None:
-    for world in worlds if scoops_wanted else ():
-        scoops(scoops_wanted, seed, world, effects)
-    if sweeps_wanted:
-        sweeps(sweeps_wanted, seed)
 
 
 def scoops(count: int, seed: int, name: str, effects: dict[str, float]) -> None:
@@ -118,16 +110,19 @@ def judged(
     truth: dict[str, list[float]],
     mesh: tuple[Array, NDArray[np.integer]],
 ) -> Result:
+
+    def X_BT_at(t_s: float) -> Array:
+        return np.asarray(forward(execution.q_at(t_s)) @ HARDWARE.X_FT)
+
     duration_s = float(execution.t_s[-1])
     X_BO = np.array(truth["X_BO"])
     times_s = np.array(truth["t_s"]) + truth["t_start_s"]
     found = find_piece(before, model, X_BC, AREA)
     clock_s = time.process_time()
-    track = track_piece(frames, model, X_BC, found, mesh, tool_poses(execution), execution.t_start_s, duration_s)
+    track = track_piece(frames, model, X_BC, found, mesh, X_BT_at, execution.t_start_s, duration_s)
     spent_s = time.process_time() - clock_s
     p_m = np.stack([np.interp(track.t_s + execution.t_start_s, times_s, column) for column in X_BO[:, :3, 3].T], axis=1)
-    X_BT = tool_poses(execution)(times_s[-1])
-    p_T = np.linalg.inv(X_BT) @ X_BO[-1][:, 3]
+    p_T = np.linalg.inv(X_BT_at(times_s[-1])) @ X_BO[-1][:, 3]
     on_blade = p_T[2] > 0.001 and -0.10 <= p_T[0] <= 0 and abs(p_T[1]) <= 0.04
     return Result(
         1e3 * np.linalg.norm(track.state[:, :2] - p_m[:, :2], axis=1),
@@ -136,17 +131,6 @@ def judged(
         1e3 * spent_s / len(track.t_s),
         track.flags,
     )
-
-
-def tool_poses(execution: Execution) -> Callable[[float], Array]:
-    """The tool's pose from the measured joints, held at both ends."""
-
-    def at(t_s: float) -> Array:
-        t = t_s - execution.t_start_s
-        q = np.array([np.interp(t, execution.t_s, column) for column in execution.q_measured_rad.T])
-        return np.asarray(forward(q) @ HARDWARE.X_FT)
-
-    return at
 
 
 def sweeps(count: int, seed: int) -> None:
@@ -221,10 +205,6 @@ AWAY = np.array([[1, 0, 0, 0.3], [0, 1, 0, 0], [0, 0, 1, 0.3], [0, 0, 0, 1.0]])
 """The tool at home, out of the way."""
 
 
-def _effects(given: Sequence[str]) -> dict[str, float]:
-    return {name: float(value) for name, value in (effect.split("=") for effect in given)}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", choices=("scooping", "pushing"), default="scooping")
@@ -236,10 +216,15 @@ def main() -> None:
         "--effect", nargs="+", default=[], metavar="NAME=VALUE", help="of the worlds, as in their files"
     )
     args = parser.parse_args()
-    if args.task == "scooping":
-        run(12 if args.trials is None else args.trials, args.sweeps, args.seed, args.worlds, _effects(args.effect))
-    else:
+    if args.task == "pushing":
         pushes.run(24 if args.trials is None else args.trials, args.seed)
+        return
+    count = 12 if args.trials is None else args.trials
+    effects = {name: float(value) for name, value in (effect.split("=") for effect in args.effect)}
+    for world in args.worlds if count else ():
+        scoops(count, args.seed, world, effects)
+    if args.sweeps:
+        sweeps(args.sweeps, args.seed)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""UDR's policies of several trainings: their mean actions, and what each emulator expects of each policy over Omega.
+"""UDR's policies of several trainings: their mean actions, and the rewards that each emulator predicts for each policy
+over Omega.
 
 python benchmarks/udr_trainings.py default second/checkpoint
 """

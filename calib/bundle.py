@@ -1,9 +1,9 @@
 """Bundle adjustment over poses: cameras, board, and optionally the joint zeros and the board's scale.
 
-A view disagrees with a prediction for three reasons. Its corners are noisy, each by itself: that is the view's own
-information (`condense`). They are also wrong together: the lens is not quite as stated, the print is bent, an edge is
-blurred. A smooth error of a tenth of a pixel tilts a board by more than the noise of fifty corners does. And the arm is
-not exactly where its joints say: a common twist of all corners. So each view counts with
+A view disagrees with a prediction for three reasons. Each of its corners has noise of its own, which is the view's own
+information (`condense`). They also share errors, because the lens is not quite as stated, the print is bent, or an edge
+is blurred. A smooth error of a tenth of a pixel tilts a board by more than the noise of fifty corners does. And the arm
+is not exactly where its joints say, which is a common twist of all corners. So each view counts with
 
     covariance = corners^2 inverse(information) + view_px^2 common + joint_rad^2 G G^T,
 
@@ -76,7 +76,9 @@ class ArmViews:
 
 
 def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_BF: Array | None) -> ArmViews:
-    """The motion from joints (N, n) and kinematics, or from poses (N, 4, 4); one camera, every view its own posture."""
+    """The motion from joints (N, n) and kinematics, or from poses (N, 4, 4), for one camera and one posture in each
+    view.
+    """
     if q_rad is not None and forward is not None:
         X = forward(q_rad)
         n = q_rad.shape[1]
@@ -153,7 +155,7 @@ class CondensedViews:
         return CondensedViews(self.X_CM[rows], self.information[rows], self.common[rows])
 
     def covariance(self, noise: ErrorSizes, GG: Array) -> Array:
-        """(N, 6, 6) of the residual twists; `GG` (N, 6, 6) is G G^T."""
+        """Covariances (N, 6, 6) of the residual twists; `GG` (N, 6, 6) is G G^T."""
         own = np.asarray(np.linalg.inv(self.information))
         covariance: Array = noise.corners**2 * own + noise.view_px**2 * self.common + noise.joint_rad**2 * GG
         return covariance
@@ -169,7 +171,7 @@ class ErrorSizes:
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
-    """All but the first and the last: their zeros look like a rotation of the camera's carrier or of the board."""
+    """All joints but the first and the last: their zeros look like a rotation of the camera's carrier or the board."""
     return tuple(range(1, n - 1))
 
 

@@ -124,7 +124,8 @@ def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
 
 
 def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tuple[float, float] = (0.7, 0.0)) -> Check:
-    """Is the table top in its place and level? By its depth points (N, 3) in the base, with the new calibration.
+    """Is the table top in its place and level? It is judged by its depth points (N, 3) in the base, with the new
+    calibration.
 
     The plane is fitted with repeated trimming; objects may cover up to a third of the points.
     """
@@ -266,7 +267,7 @@ class Residuals:
 def residuals(
     views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None
 ) -> tuple[Residuals, ...]:
-    """The residuals of all views, unused ones included, in the given order, against predictions by the arm."""
+    """The residuals of all views against the arm's predictions, in the given order, unused views included."""
     used, rows = set(solution.used), []
     focal = float(np.sqrt(setup.colour.K[0, 0] * setup.colour.K[1, 1]))
     usable = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]

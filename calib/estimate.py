@@ -1,10 +1,10 @@
 """The estimator of `solve` and `together`: from views that agree to the poses of one camera or several.
 
-Two fits compete. One weighs every view by the errors of arm, view and corners, whose sizes it estimates; joint offsets
-are adopted in it if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
+Two fits compete. One weighs every view by the errors of arm, view and corners, and estimates their sizes; it adopts
+joint offsets if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
 predicts every view from the others, a fifth at a time (`Choice`). The few views of a series often cannot tell errors of
-the arm from those of the lens. So the first is kept alone only if it predicts clearly better, and the mean of both is
-taken where neither does.
+the arm from those of the lens. So one of them is used alone only if it predicts clearly better; otherwise the mean of
+both is used.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _SETTLED_M = 1e-6
 class Data:
     """The data of the fits: views of one camera after another."""
 
-    sights: tuple[PoseCandidates, ...]  # one a camera
+    candidates: tuple[PoseCandidates, ...]  # one a camera
     moved: ArmViews  # of all views, in this order
     boards: CondensedViews
     agreeing: Rows  # rows of agreeing views
@@ -70,7 +70,7 @@ class Data:
         )
 
     def _by_camera(self, X_CM: Array) -> list[tuple[PoseCandidates, Array]]:
-        return [(sight, X_CM[self.moved.camera == c]) for c, sight in enumerate(self.sights)]
+        return [(one, X_CM[self.moved.camera == c]) for c, one in enumerate(self.candidates)]
 
     def fit(self, rows: Rows, start: Unknowns, model: Model) -> Fit:
         """The fit to some of the views; over pixels, and for vague views, the optimum over all their corners."""
@@ -122,7 +122,7 @@ class BestFit:
 
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
     """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
-    cameras = len(data.sights)
+    cameras = len(data.candidates)
     plain = data.fit(data.agreeing, start, Model(scale=scale, cameras=cameras))
     by_errors, joints = _with_offsets_where_supported(data, plain)
     by_pixels = data.fit(data.agreeing, plain.state, replace(plain.model, weights=Weights.PIXELS))

@@ -38,7 +38,9 @@ def gates_of(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> 
 def of_camera(
     alone: Solution, setup: Setup, *, fit_px: float, held_out_px: float, worst_95_mm: float
 ) -> tuple[Check, ...]:
-    """The gates of one camera by the figures of its solution, alone or with others. Views are chosen in `alone`."""
+    """The gates of one camera, from the figures of its solution, which was found alone or together with other cameras.
+    Views are chosen in `alone`.
+    """
     rejected = 100 * (1 - len(alone.used) / len(alone.views))
     intrinsics = _why_fit_is_bad(alone, setup)
     unseen = "held-out views are predicted badly: add views, tilted to all sides"
@@ -93,7 +95,7 @@ def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> C
 
 
 def _closed_forms(value: float) -> Check:
-    """A doubt and no gate, because closed forms are the weaker estimate."""
+    """This raises a doubt and is not a gate, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
     message = f"closed forms: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
     advice = ": look at the views' tilts and at the poses' units"

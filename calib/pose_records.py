@@ -79,7 +79,7 @@ class PoseKeys(Record):
         if len(self._given("q_rad", "q_deg", "joints", "X_BF", "matrix")) + len(places) != 1 or len(turns) > 1:
             raise ValueError(f"give exactly one of {_ONE_OF}")
         if bool(places) != bool(turns):
-            raise ValueError("a position and a rotation go together, such as position_m and quaternion_wxyz")
+            raise ValueError("position and rotation are needed together, for example position_m and quaternion_wxyz")
         if not self.questions():
             self.flange()  # checks the keys
         return self
@@ -135,7 +135,7 @@ class PoseKeys(Record):
             X = np.array(rows, dtype=np.float64)
             X[:3, 3] *= 1.0 if self.matrix is None else LENGTHS_M[how.length]
         else:
-            X[:3, :3], X[:3, 3] = self._turn(how), self._place(how)
+            X[:3, :3], X[:3, 3] = self._turn(how), self._position(how)
         if np.abs(X[:3, :3] @ X[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(X[:3, :3]) < 0:
             raise ValueError(
                 "the rotation is not valid: its axes must have length 1, be at right angles and right-handed"
@@ -149,7 +149,7 @@ class PoseKeys(Record):
         says_itself = not {"gives"} & self.questions()
         return X if says_itself or how.gives == "flange_in_base" else inverse(X)
 
-    def _place(self, how: Convention) -> Array:
+    def _position(self, how: Convention) -> Array:
         factors = {"position_m": 1.0, "position_mm": 1e-3, "position": LENGTHS_M[how.length]}
         key = next(name for name in factors if getattr(self, name) is not None)
         values = getattr(self, key)

@@ -207,7 +207,7 @@ class TouchRecord(Record):
     @model_validator(mode="after")
     def _one_pose(self) -> Self:
         if (self.q_rad is None) == (self.X_BF is None):
-            raise ValueError("give exactly one of q_rad and X_BF, one entry a touch")
+            raise ValueError("give exactly one of q_rad and X_BF, with one entry per touch")
         if "/" in self.image or self.image.startswith("."):
             raise ValueError("name the image without a folder: it must lie beside this file")
         for q in self.q_rad or ():

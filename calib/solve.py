@@ -283,4 +283,4 @@ def _noise(data: Data, best: BestFit, centre: Array) -> Noise:
     sizes = best.noise
     flange_mm = 1e3 * sizes.joint_rad * np.sqrt(np.mean(np.sum(at_centre**2, axis=(1, 2))))
     joint_rad = sizes.joint_rad if data.moved.joints else float("nan")
-    return Noise(data.sights[0].corner_px, sizes.view_px, joint_rad, float(flange_mm))
+    return Noise(data.candidates[0].corner_px, sizes.view_px, joint_rad, float(flange_mm))

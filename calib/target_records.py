@@ -22,7 +22,7 @@ class TargetRecord(Record, ABC):
 
     @abstractmethod
     def board(self) -> Board | Chessboard | Circles | Markers | Points:
-        """The value. Raises ValueError for one that cannot be."""
+        """The value. Raises ValueError for an impossible target."""
 
     @property
     def size_known(self) -> bool:

@@ -130,7 +130,7 @@ class View:
     """One view of the board with the arm at rest: image and joints of the same moment.
 
     Give `q_rad`, or `X_BF` if only poses are known (then joint offsets cannot be estimated). If both are given, the
-    joints count. All views of a calibration give the same one of the two.
+    joints count. Either all views of a calibration give joints, or all give poses.
     """
 
     name: str  # unique; views are sorted by name, so that their order does not matter
@@ -151,7 +151,7 @@ class View:
 
 
 class ViewFit(Record):
-    """The outcome of one view, also as stored; what was not measured is None."""
+    """The result of one view, also as it is stored; values that were not measured are None."""
 
     name: str
     used: bool
@@ -209,7 +209,7 @@ class Uncertainty:
 
 
 class ClosedForm(Record):
-    """How far a closed form lies from the solution, for comparison."""
+    """The distance of a closed form from the solution, for comparison."""
 
     name: str
     from_solution_mm: float
@@ -227,7 +227,7 @@ class Noise:
 
 
 class Weights(StrEnum):
-    """Which errors the views of a fit are weighed by."""
+    """The errors by which the views of a fit are weighed."""
 
     ARM_AND_VIEWS = "errors of arm and views"
     PIXELS = "pixels alone"
@@ -348,7 +348,9 @@ class Check(Record):
     def graded(
         cls, name: str, message: str, measured: tuple[float, float, str], advice: str, *, good: bool, worse: Grade
     ) -> Check:
-        """Good, or `worse` with the `advice` behind the message; `measured` are value, limit and unit."""
+        """A good check, or one that is `worse`, with the `advice` after the message; `measured` are value, limit and
+        unit.
+        """
         value, limit, unit = measured
         verdict, text = (Grade.GOOD, message) if good else (worse, message + advice)
         return cls(name=name, verdict=verdict, message=text, value=value, limit=limit, unit=unit)
@@ -360,7 +362,7 @@ class Check(Record):
 
 
 def reasons(gates: Sequence[Check]) -> tuple[str, ...]:
-    """Why the gates reject a calibration, in words; empty if they accept it."""
+    """The reasons for which the gates reject a calibration, in words; empty if they accept it."""
     return tuple(gate.message for gate in gates if gate.verdict is Grade.BAD)
 
 

@@ -3,7 +3,7 @@
 The covariance of least squares trusts its own noise model; with corner noise alone it is up to ten times too small. The
 jackknife uses the views themselves: leave out each in turn and measure how far the result moves. It is unbiased but
 rough with twenty views. So the two are averaged (our noise model includes the arm, see `bundle`). Both miss errors
-common to all views. For these there is a floor, and a rotation about the first joint that no view can show.
+common to all views. These are covered by a floor, and by a rotation about the first joint, which no view can show.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python docs/adapting_film.py FOLDER
 
 Runs both sessions and one rollout of each in pushing's simulated lab, with all data in FOLDER (six minutes on two idle
-cores), then writes docs/figures/adapting.webp. The world is one of those that a rule draws; the goal was fixed first.
+cores), then writes docs/figures/adapting.webp. The world is one of the drawn ones; the goal was fixed first.
 """
 
 from __future__ import annotations

@@ -3,9 +3,10 @@
     python docs/check_live.py                          the pendulum, some seconds
     python docs/check_live.py --task scooping --out pictures
 
-Two sessions run with `--view`; the browser has their page open from beginning to end. Then dashboard, report and comparison are opened. Every
-page is laid out 1400 and 420 px wide, and as printed. Exit code 1, with a line each, where the console holds an error,
-a page asks for something beyond 127.0.0.1, does not fit its width, or the stream does not arrive. Needs Chromium or Chrome.
+Two sessions run with `--view`; the browser has their page open from beginning to end. Then dashboard, report and
+comparison are opened. Every page is laid out 1400 and 420 px wide, and as printed. Exit code 1, with a line for each
+problem: the console has an error, a page requests something beyond 127.0.0.1 or does not fit its width, or the stream
+does not arrive. Needs Chromium or Chrome.
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ class Tab:
             (self._pictures / f"{name}-{width}.png").write_bytes(base64.b64decode(shot["data"]))
 
     def print(self, name: str) -> None:
-        """The page as it is printed on A4, without being scaled down to fit: what is wider than the paper is a problem."""
+        """The page as it is printed on A4, without being scaled down to fit; anything wider than the paper is a
+        problem.
+        """
         self.ask("Emulation.setDeviceMetricsOverride", width=718, height=1000, deviceScaleFactor=1, mobile=False)
         self.ask("Emulation.setEmulatedMedia", media="print")
         wide = self.script("document.documentElement.scrollWidth")
@@ -102,7 +105,7 @@ class Tab:
 
 
 def until(holds: Any, otherwise: str, patience_s: float = PATIENCE_S) -> None:
-    """Raises SystemExit, saying `otherwise`, where it does not come to hold."""
+    """Raises SystemExit with the sentence `otherwise` if it does not become true."""
     deadline_s = time.monotonic() + patience_s
     while not holds():
         if time.monotonic() > deadline_s:
@@ -141,7 +144,7 @@ def tab(pictures: Path) -> Iterator[Tab]:
 
 
 def free_port() -> int:
-    """One that nobody listens at now."""
+    """A port at which nobody listens now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -154,7 +157,7 @@ def adaptsim(*arguments: str) -> list[str]:
 
 @contextmanager
 def live_session(page: Tab, shown: str, *arguments: str) -> Iterator[None]:
-    """A running session, unattended, with its page open; entered once the page's expression `shown` holds."""
+    """A running session, unattended, with its page open; entered once the page's expression `shown` is true."""
     port = free_port()
     command = adaptsim("run-iteration", *arguments, "--yes", "--view-port", str(port))
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
@@ -167,7 +170,7 @@ def live_session(page: Tab, shown: str, *arguments: str) -> Iterator[None]:
 
 
 def watched(page: Tab, task: str, session: str, more: list[str]) -> None:
-    """Run one iteration with its page open, and look at it when all is there and when it is over."""
+    """Run one iteration with its page open, and look at it when everything is shown and after its end."""
     shown = "state.judged && state.rewards && state.rewards.length"
     with live_session(page, shown, "--task", task, "--session", session, *more):
         page.look(f"live-{session}")

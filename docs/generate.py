@@ -23,6 +23,7 @@ from pages.files import files
 from pages.json_output import json_output
 from pages.method_figure import method_figure
 from pages.numbers import hand_written, with_numbers
+from pages.paper_settings import paper_settings, paper_settings_figure
 from pages.parameters import parameters
 from pages.result_figures import reward_by_trials, reward_by_world
 from pages.sealed import own_actions, sealed
@@ -37,6 +38,8 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/json.md": json_output,
     DOCS / "results/sealed.md": sealed,
     DOCS / "results/what-there-is-to-adapt.md": own_actions,
+    DOCS / "results/paper-settings.md": paper_settings,
+    DOCS / "figures/paper-settings.svg": paper_settings_figure,
     DOCS / "figures/method.svg": method_figure,
     DOCS / "figures/reward-by-trials.svg": reward_by_trials,
     DOCS / "figures/reward-by-world.svg": reward_by_world,
@@ -45,7 +48,7 @@ PAGES: Mapping[Path, Callable[[], str]] = {
 
 
 def stale() -> list[str]:
-    """The committed pages that differ from what the code says now."""
+    """The committed pages that differ from those of the present code."""
     return [str(p.relative_to(ROOT)) for p, make in PAGES.items() if not p.is_file() or p.read_text("utf-8") != make()]
 
 

@@ -23,7 +23,7 @@ NOTEBOOKS = (GUIDE / "session-from-python.ipynb", GUIDE / "ask-and-tell.ipynb")
 
 
 def executed(notebook: dict[str, Any]) -> dict[str, Any]:
-    """The notebook with the outputs of all its cells, run in order. Raises whatever a cell raises."""
+    """The notebook with the outputs of all its cells, run in order. Raises the error of a cell."""
     names: dict[str, Any] = {"__name__": "notebook"}
     cells, count = list[dict[str, Any]](), 0
     for cell in notebook["cells"]:

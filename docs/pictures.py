@@ -5,8 +5,9 @@
     python docs/pictures.py --check    exit code 1 if a screen that a picture shows has changed since
 
 A session runs in the simulated lab with its page open: camera, live page, report with numbers, film of a scoop. The
-first trial of another is answered in a terminal (tmux). The planned motion is played from the page of `adaptsim preview`; a calibration holds the board. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
-that draw each of them; a test compares.
+first trial of another is answered in a terminal (tmux). The planned motion is played from the page of `adaptsim
+preview`; a calibration holds the board. A digest of the files that draw each picture is written to
+docs/figures/pictures.json; a test compares it.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ QUALITY = 82
 
 
 def digests() -> dict[str, str]:
-    """The digest of what each picture shows."""
+    """The digest of each picture's files."""
     return {
         name: hashlib.sha256(b"".join((ROOT / file).read_bytes() for file in files)).hexdigest()[:16]
         for name, files in DRAWN_BY.items()

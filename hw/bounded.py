@@ -98,7 +98,7 @@ def require_file(path: Path, most: int) -> int:
 
 
 def require_tensors(path: Path) -> None:
-    """Check the header of a safetensors file: within bounds, and the file as long as it claims.
+    """Check that the header of a safetensors file is within bounds, and that the file is as long as the header says.
 
     Raises FileNotFoundError, Unreadable.
     """
@@ -137,7 +137,7 @@ def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
 
 
 def _toml(content: bytes) -> dict[str, Any]:
-    """Bounds the parts of a key first, because the parser's time grows with their square."""
+    """The number of parts of a key is bounded first, because the parser's time grows with its square."""
     if any(piece.count(b".") > DEEPEST for piece in _PIECES.split(content)):
         raise Unreadable(f"has a key of more than {DEEPEST} parts")
     return tomllib.loads(content.decode())
@@ -170,7 +170,7 @@ def _too_deep() -> str:
 def _image_size(content: bytes) -> tuple[int, int]:
     """(width, height) as the header states them; of a PNG every chunk is whole.
 
-    OpenCV makes room for a PNG's chunk before it reads it, whatever its length says: up to 4 GB.
+    OpenCV allocates the stated length of a PNG's chunk before it reads it, which may be up to 4 GB.
     """
     from PIL.JpegImagePlugin import JpegImageFile  # noqa: PLC0415 - tables are read without it, by every command
     from PIL.PngImagePlugin import PngImageFile  # noqa: PLC0415

@@ -47,7 +47,7 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _PathClock:
-    """The bounds at the path's samples, each the tightest of a little way ahead."""
+    """The bounds at the path's samples; each is the tightest over a short way ahead."""
 
     hardest_s2: Array  # (N, PIECES + 1) the least dv/dt, at v² = 0, 1 / PIECES ... 1
     sharpest_s3: Array  # (N,) the largest d²v/dt²
@@ -169,7 +169,7 @@ class Braking:
 
     @property
     def ok(self) -> bool:
-        """Whether a stop is possible at every moment."""
+        """Whether the arm can stop at every moment."""
         return bool(np.isfinite(self.duration_s).all())
 
     @property
@@ -203,7 +203,7 @@ def brake(path: JointPath, at_s: float, limits: MotionLimits) -> JointPath:
 
 
 def _stops(path: JointPath, at_s: Array, limits: MotionLimits) -> Braking:
-    """The stop from each path time (K,): that of the first of `SHARES` which keeps the limits."""
+    """The stop from each path time (K,), with the first of `SHARES` that keeps the limits."""
     spline = joint_spline(path)
     clock = _path_clock(path, spline, limits)
     duration_s, courses = np.full(len(at_s), np.inf), at_s[None]
@@ -274,7 +274,7 @@ FULL = 1.0
 
 
 def slowed(path: JointPath, pace: float) -> JointPath:
-    """`path` in time stretched by 1 / `pace`, its contact window too. Raises ValueError for a pace not in 0.1 to 1.
+    """`path` and its contact window, with their times divided by `pace`. Raises ValueError for a pace not in 0.1 to 1.
 
     The player checks every limit of the result again, as for any path.
     """
@@ -283,7 +283,7 @@ def slowed(path: JointPath, pace: float) -> JointPath:
 
 
 def at_pace(path: JointPath, pace: float) -> JointPath:
-    """The path as `slowed`, at any pace: a reduced speed may need a slower one than an operator may ask for."""
+    """The same as `slowed`, at any pace, because a reduced speed may need a slower one than an operator may ask for."""
     number(pace, "pace", 0.0, FULL, above=True)
     if pace == FULL:
         return path

@@ -80,7 +80,7 @@ def box_distance(segment: Array, low_m: Array, high_m: Array) -> Array:
 
 
 def travel(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
-    """Link poses (N, 9, 4, 4) -> (N - 1, C): how far the ends of each capsule go from one sample to the next."""
+    """Link poses (N, 9, 4, 4) -> (N - 1, C): the travel of each capsule's ends from one sample to the next."""
     return np.asarray(np.linalg.norm(np.diff(segments(poses, capsules), axis=0), axis=-1).max(axis=-1))
 
 

@@ -1,4 +1,4 @@
-"""The program's end of a child process: requests go over a connection, words meanwhile over a pipe.
+"""The program's end of a child process. Requests go over a connection; meanwhile single words go over a pipe.
 
 The child is a fresh process, never a fork, in its own Unix session: Ctrl-C on the terminal reaches the program, not the
 child. The child notices the program's end by its pipes (`hw.watchdog`).
@@ -30,7 +30,7 @@ def python_module(module: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Call:
-    """A request to another process: what it shall do, by the name of a method, and with which arguments."""
+    """A request to another process: the name of a method, and its arguments."""
 
     method: str
     arguments: tuple[Any, ...] = ()

@@ -114,7 +114,7 @@ def hand_with(
     touching: tuple[Capsule, ...] = (),
     name: str = "tool",
 ) -> Tool:
-    """The hand that holds something: `mass` of both, the rest as in `Tool`."""
+    """A hand that holds something. `mass` is that of both; the rest is as in `Tool`."""
     coarse = (*COARSE_HAND, *carried, *touching)
     return Tool(name, mass, (*HAND, *FINGERS, *carried), np.asarray(points_F_m), touching, coarse)
 
@@ -133,7 +133,9 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
 
 
 def self_travel(poses: Array, tool: Tool) -> Array:
-    """Link poses (N, 9, 4, 4) -> (N - 1, P): how much closer (m) each pair of `self_clearance` may come in a step."""
+    """Link poses (N, 9, 4, 4) -> (N - 1, P): the most (m) by which each pair of `self_clearance` may approach in a
+    step.
+    """
     capsules, first, second = _pairs(tool)
     each = travel(poses, capsules)
     return np.asarray(each[:, first] + each[:, second])

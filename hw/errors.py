@@ -34,11 +34,11 @@ class Rehearsed(HardwareError):
 
 
 class HandError(HardwareError):
-    """The hand could not do its task: not homed, nothing between the fingers, or the tool lost."""
+    """The hand could not do its task, because it was not homed, held nothing, or lost the tool."""
 
 
 class FingersMoved(HandError):
-    """A stop of the hand was accepted, and the fingers moved on, or nobody knows; no motion without a recovery."""
+    """The hand accepted a stop, but its fingers moved on or may have; no motion is allowed without a recovery."""
 
 
 class CameraError(HardwareError):

@@ -1,4 +1,4 @@
-"""Installed packages, and how an optional extra is installed, worded for the way in which the program itself was."""
+"""Installed packages, and the command for an optional extra, which depends on how the program itself was installed."""
 
 from __future__ import annotations
 

@@ -9,11 +9,11 @@ from hw.types import HandState
 
 TOLERANCE_M = 0.005
 SLIPPED_M = 0.001
-"""Fingers that have moved by more since the grasp hold the tool otherwise than before."""
+"""If the fingers have moved by more than this since the grasp, they hold the tool differently."""
 
 
 def narrower_m(width_m: float) -> float:
-    """How much narrower than `width_m` it may be (m): never so much that fingers closed on nothing would count."""
+    """The largest amount (m) by which it may be narrower than `width_m`; fingers that closed on nothing never count."""
     return min(TOLERANCE_M, width_m / 2.0)
 
 
@@ -30,12 +30,11 @@ STRONGEST_N = 70.0
 class FakeHand:
     """Closes at once on an object `between_m` wide (None: nothing is between the fingers), and holds it.
 
-    For tests of the code around a hand, and in the simulated lab.
-    `commands` records what it did.
+    For tests of the code around a hand, and in the simulated lab. `commands` records its motions.
     """
 
     def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:
-        """`holds`: it already grasps the object when the program connects."""
+        """With `holds` it already grasps the object when the program connects."""
         self.between_m, self.holds, self.force_N = between_m, holds, 0.0
         self.width_m = between_m or 0.0 if holds else WIDEST_M
         self._homed = self._connected = False

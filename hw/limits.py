@@ -1,4 +1,4 @@
-"""The limits of an arm: parts of the check of a whole path that `hw.workcell` makes before anything moves.
+"""The limits of an arm, which `hw.workcell` checks over a whole path before anything moves.
 
 Every check reports its tightest moment.
 """
@@ -66,7 +66,7 @@ class Worst:
 
 @dataclass(frozen=True)
 class LimitReport:
-    """Every check of one path, each at its tightest moment."""
+    """All checks of one path, each at its tightest moment."""
 
     model: str
     checks: tuple[Worst, ...]
@@ -229,7 +229,7 @@ def _clearance(quantity: str, clearance: Array, names: tuple[str, ...], least_m:
 
 
 def worst(what: tuple[str, str], ratio: Array, value: Array, limit: ArrayLike, t_s: Array, where: str = "") -> Worst:
-    """The entry with the largest ratio of (n, 7), or of (n,) at `where`; `what` is (quantity, unit)."""
+    """The largest ratio of (n, 7), or of (n,) at `where`, as an entry; `what` is (quantity, unit)."""
     at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     bound = float(np.broadcast_to(np.asarray(limit, dtype=np.float64), ratio.shape)[at])
     place = where or f"joint {at[1] + 1}"

@@ -22,7 +22,7 @@ class Mass:
     inertia_kg_m2: Array  # (3, 3) about the centre of mass
 
     def __post_init__(self) -> None:
-        """Raises ValueError: a negative mass, or an impossible inertia."""
+        """Raises ValueError for a negative mass or an impossible inertia."""
         number(self.kg, "mass", 0.0, HEAVIEST_KG, "kg")
         object.__setattr__(self, "com_m", frozen_array(self.com_m, (3,), "centre of mass", most=REACH_M))
         object.__setattr__(self, "inertia_kg_m2", inertia(self.inertia_kg_m2, "inertia"))

@@ -11,7 +11,7 @@ _PICTURE, _KEPT = 5 * 2**19, 2**26
 
 
 def return_pictures() -> None:
-    """Have the memory of a picture returned when it is freed, not kept by the thread that had it: 100 MB a session."""
+    """Return the memory of a freed picture. Otherwise its thread keeps it, which costs 100 MB in a session."""
     with suppress(AttributeError, OSError):
         libc = ctypes.CDLL(None)
         libc.mallopt(_M_MMAP_THRESHOLD, _PICTURE)

@@ -86,7 +86,8 @@ ARM: tuple[Capsule, ...] = (
         (0.0100, 0.0097, 0.0812, -0.0055, -0.0059, 0.0775, 0.0484),
     ),
 )
-"""The links' outline. Of a link it lies at most 12.3 mm outside of the meshes, 35 mm of the base."""
+"""The links' outline. It lies at most 12.3 mm outside of the meshes of a link, and 35 mm outside of those of the base.
+"""
 
 HAND: tuple[Capsule, ...] = _rows(
     "hand",

@@ -1,8 +1,9 @@
 """Imports our packages from the folder in which this file is installed, whatever else has one of their names.
 
-A user's own `sim` or `hw.py` may lie beside a script, in the current folder or on PYTHONPATH. Python would take it for
-ours. So this file is run by its path (`runpy.run_path`), never imported by its name: by `adaptsim_cli` as it is
-imported, and by every process that we start. As a program it runs one of our modules: own_packages.py MODULE ARGUMENTS.
+A user's own `sim` or `hw.py` may lie beside a script, in the current folder or on PYTHONPATH. Python would mistake it
+for our package. So this file is run by its path (`runpy.run_path`), never imported by its name: by `adaptsim_cli` as it
+is imported, and by every process that we start. As a program it runs one of our modules: own_packages.py MODULE
+ARGUMENTS.
 """
 
 import sys
@@ -14,7 +15,9 @@ NAMES = ("hw", "perception", "calib", "sim")
 
 
 def import_own() -> None:
-    """Import the packages, so that their modules are found inside of them. Raises ImportError if a name is other."""
+    """Import the packages, so that their modules are found inside of them. Raises ImportError if one of the names
+    belongs to another package.
+    """
     for name in NAMES:
         if name in sys.modules:
             _require_own(name, sys.modules[name])

@@ -79,17 +79,21 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
-@dataclass(frozen=True, eq=False)
+def _fits(name: str, thing: Any) -> str:
+    return ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Registry(Generic[Thing]):
     """Everything of one kind by name: ours, and those of installed packages. A package is imported on first use."""
 
     label: str  # what one is called in a message
     group: str  # of the entry points by which packages offer one: its name, and a module
     attribute: str  # of that module, which holds the thing
-    ours: Mapping[str, Any]
+    ours: Mapping[str, Thing | str]  # each itself, or as an entry point names it: module, or module:attribute
     error: type[Exception]  # raised for an unknown name, and for a package that is not right
-    make: Callable[[Any], Thing]  # of a value of `ours`
-    complaint: Callable[[str, Any], str]  # about the thing that a package offers by that name, "" if it is right
+    complaint: Callable[[str, Any], str] = _fits
+    """About the thing that a package offers by that name; "" if it is right."""
 
     def names(self) -> tuple[str, ...]:
         """Our names, then those of installed packages."""
@@ -98,7 +102,7 @@ class Registry(Generic[Thing]):
     def get(self, name: str) -> Thing:
         """The thing called `name`. Raises `error`, naming all there are, or the fault of the package."""
         if name in self.ours:
-            return self.make(self.ours[name])
+            return self._our(self.ours[name])
         offer = self.offer(name)
         if offer is None:
             listing = ", ".join(self.names()) or "none"
@@ -114,8 +118,15 @@ class Registry(Generic[Thing]):
             raise self.error(f"{self.label} {offer}: its {self.attribute} {complaint}")
         return thing
 
+    def _our(self, thing: Thing | str) -> Thing:
+        if not isinstance(thing, str):
+            return thing
+        module, _, attribute = thing.partition(":")
+        found: Thing = getattr(import_module(module), attribute or self.attribute)
+        return found
+
     def offer(self, name: str) -> Offer | None:
-        """The first offer of that name; None without one, and for ours."""
+        """The first package's offer of that name; None if no package offers it, or if the name is ours."""
         return next((one for one in offers(self.group) if one.name == name and name not in self.ours), None)
 
     def clashing(self) -> tuple[str, ...]:

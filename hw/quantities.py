@@ -1,4 +1,4 @@
-"""Everything that is recorded of a motion beside its joints: one row per quantity that an arm may report.
+"""The quantities that are recorded during a motion beside the joints; each has one row.
 
 A row is all that a further quantity needs: the player logs it, `Execution.measured` carries it, a recording keeps it on
 its topic, and every export writes it. An arm that does not report it has none; it is never computed from a model.
@@ -23,7 +23,7 @@ class MeasuredQuantity:
 
     @property
     def size(self) -> int:
-        """How many values it has."""
+        """The number of its values."""
         return len(self.labels)
 
 

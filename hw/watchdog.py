@@ -35,7 +35,7 @@ def since_boot_s() -> float:
 
 
 class Watchdog:
-    """The pipe from the program, read once a cycle without waiting."""
+    """The pipe from the program, read once per cycle without waiting."""
 
     def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = since_boot_s) -> None:
         os.set_blocking(pipe, False)

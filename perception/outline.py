@@ -38,7 +38,7 @@ Mask = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class OutlineView:
-    """One picture and where a body should be in it: convex parts, each as points (n, 3) in the camera's frame."""
+    """One picture, and the place where a body should be, as convex parts of points (n, 3) in the camera's frame."""
 
     colour: NDArray[np.uint8]  # (H, W, 3) RGB
     body: tuple[Array, ...]

@@ -75,12 +75,12 @@ class Dimension:
 
 
 class NamedValues:
-    """The values of a space by name, in units: `p.mu`."""
+    """The values of a space by name, in units: `p.mu`, a number or the word of a category."""
 
-    def __init__(self, values: Mapping[str, float]) -> None:
+    def __init__(self, values: Mapping[str, Any]) -> None:
         self.__dict__.update(values)
 
-    def __getattr__(self, name: str) -> float:
+    def __getattr__(self, name: str) -> Any:
         raise AttributeError(f"there is no quantity {name!r}: there are {', '.join(self.__dict__)}")
 
 
@@ -99,8 +99,9 @@ class Space:
         return tuple(d.name for d in self.dimensions)
 
     def named(self, value: Array) -> NamedValues:
-        """`value` (n,) by name. Raises ValueError for another number of values."""
-        return NamedValues({name: float(v) for name, v in zip(self.names, value, strict=True)})
+        """`value` (n,) by name; a category is its word. Raises ValueError for another number of values."""
+        pairs = zip(self.dimensions, value, strict=True)
+        return NamedValues({d.name: d.words[round(float(v))] if d.words else float(v) for d, v in pairs})
 
     def columns(self, values: Array) -> dict[str, Array]:
         """`values` (..., n): name -> (...). Raises ValueError for another number of columns."""

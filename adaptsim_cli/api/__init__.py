@@ -6,7 +6,7 @@
     session.best().action
     session.posterior().plot().save("posterior.png")
 
-A robot of your own (`hw="own"`) is asked and told:
+With a robot of your own (`hw="own"`), you ask for trials and report their results:
 
     session = adaptsim.begin("pushing", hw="own")
     for _ in range(20):

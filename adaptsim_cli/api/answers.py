@@ -41,7 +41,7 @@ def keep_answer(store: SessionStore, trial: Question, answer: Mapping[str, Any])
     require_own(store)
     key = (trial.trial, trial.attempt, trial.ask)
     if not any((one.trial, one.attempt, one.ask) == key for one in open_questions(store)):
-        raise UsageError(f"trial {trial.trial} is not open: it was told already, or another session asked for it")
+        raise UsageError(f"trial {trial.trial} is not open: it was reported already, or another session asked for it")
     keep(store, trial, {"trial": trial.trial, **{name: value for name, value in answer.items() if value is not None}})
     go_on(store)
 

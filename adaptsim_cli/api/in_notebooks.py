@@ -1,4 +1,4 @@
-"""A session as the last line of a notebook's cell: what it earned, its verdict, and its learning curve."""
+"""A session as the last line of a notebook's cell: its rewards, its verdict, and its learning curve."""
 
 from __future__ import annotations
 

@@ -24,12 +24,12 @@ APPROACH_S = 3.0
 """Time of the way from the present joints to the first targets."""
 
 JointTargets = Sequence[Mapping[str, float]]
-"""Targets of every joint by the names of the robot's `action_features`, one each 20 ms, in the robot's own units."""
+"""Targets of every joint by the names of the robot's `action_features`, one every 20 ms, in the robot's own units."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayedMotion:
-    """What the robot did: for your report of the trial."""
+    """The motion that the robot made, for your report of the trial."""
 
     t_s: Array  # (N,) from the first target on, as measured
     joints: Mapping[str, Array]  # (N,) of each joint that the robot observes, just before each target
@@ -37,7 +37,7 @@ class PlayedMotion:
 
 Motion = Callable[[Question], JointTargets]
 Report = Callable[[Question, PlayedMotion], Mapping[str, Any]]
-"""What `Session.tell` takes, by name: where the object came to rest, as your camera or your ruler says."""
+"""The arguments of `Session.tell` by name: where the object came to rest, by your camera or your ruler."""
 
 
 class LeRobotPlayer:
@@ -94,7 +94,7 @@ class LeRobotPlayer:
     def _require(self, targets: JointTargets) -> None:
         names = set(self._robot.action_features)
         if not targets:
-            raise UsageError("your function gave no joint targets: it returns one row each 20 ms")
+            raise UsageError("your function gave no joint targets: it must return one row every 20 ms")
         for index, row in enumerate(targets):
             if set(row) != names:
                 raise UsageError(
@@ -108,7 +108,7 @@ class LeRobotPlayer:
 def lerobot(kind: str, motion: Motion, report: Report, **settings: Any) -> LeRobotPlayer:
     """A robot of LeRobot by its type, e.g. "so101_follower", to play the trials of a session with `hw="own"`.
 
-    `motion` turns a trial into joint targets, one row each 20 ms; `report` says how the trial went. `settings` are
+    `motion` turns a trial into joint targets, one row every 20 ms; `report` says how the trial ended. `settings` are
     those of the type, e.g. `port="/dev/ttyACM0", id="left"`; its `max_relative_target` limits each step of a joint.
     Raises UsageError for an unknown type or setting, ExtraMissing if the package lerobot is missing.
     """

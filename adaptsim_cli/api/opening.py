@@ -87,7 +87,7 @@ def begin(
     task: str,
     *,
     hw: str = config.SIMULATED,
-    world: str = "wd",
+    world: str | None = None,
     method: str = "adaptsim",
     seed: int = 0,
     particles: int = 2,
@@ -100,6 +100,8 @@ def begin(
     resume: bool = False,
 ) -> Session:
     """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
+
+    Without a `world` the simulated lab has "wd", or the first world of the task's file.
 
     With `solver="direct"` it needs no pretraining: it simulates while it runs (docs/guide/own-simulator.md).
 
@@ -135,7 +137,8 @@ def begin(
             "or choose another name"
         )
     answerer = Mailbox() if settings.is_own else None
-    with opening.open_parts(settings, folders.folder_of(root, chosen) / folders.SOLVER, answerer=answerer) as parts:
+    solver_folder = folders.solver_folder(folders.folder_of(root, chosen))
+    with opening.open_parts(settings, solver_folder, answerer=answerer) as parts:
         beginning.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 

@@ -184,14 +184,14 @@ class Session:
         running.run_session(resolved, request, opening.open_parts, Reports().draw, silent(), view)
 
     def ask(self) -> Question:
-        """The next trial that your robot is to make; the same one until it is told.
+        """The next trial that your robot has to make; the same one until it is reported.
 
         Raises UsageError for a session in the simulated lab or on an arm of ours, and the errors of a session.
         """
         return self.asks()[0]
 
     def asks(self) -> tuple[Question, ...]:
-        """All trials that may be made now, by several robots at once; they are told in any order."""
+        """All trials that may be made now, by several robots at once; report them in any order."""
         from adaptsim_cli.api.answers import open_trials
 
         return open_trials(self._stored)

@@ -21,16 +21,31 @@ DEFAULT = "default"
 
 
 def resolve(flags: Mapping[str, Any] | None = None) -> Resolved:
-    """The settings, with the name of the task that a file declares. Raises UsageError, UnknownName, TaskError."""
+    """The settings, with the name of the task that a file declares. Raises UsageError, UnknownName, TaskError.
+
+    Where nothing names a world, and the task of a file has no world of the default's name, its first one is taken.
+    """
     resolved = config.load(flags)
     named = resolved.config.task
-    if not named.partition(":")[0].endswith(".py"):
-        return resolved
-    from sim.tasks import task_of_file
+    if named.partition(":")[0].endswith(".py"):
+        from sim.tasks import task_of_file
 
-    _require_trusted(resolved)
-    task = task_of_file(named)
-    return replace(resolved, config=resolved.config.model_copy(update={"task": task.name}))
+        _require_trusted(resolved)
+        task = task_of_file(named)
+        return _in_a_world(resolved, task.name, tuple(task.worlds))
+    if (resolved.places.data / "tasks" / f"{named}.toml").is_file():
+        from sim.tasks.files import registered
+
+        entry = registered().get(named)
+        return _in_a_world(resolved, named, entry.worlds if entry else ())
+    return resolved
+
+
+def _in_a_world(resolved: Resolved, task: str, worlds: tuple[str, ...]) -> Resolved:
+    values, sources = {"task": task}, dict(resolved.sources)
+    if sources["world"] == "default" and worlds and resolved.config.world not in worlds:
+        values["world"], sources["world"] = worlds[0], f"the first world of {task}"
+    return replace(resolved, config=resolved.config.model_copy(update=values), sources=sources)
 
 
 def task_claims(resolved: Resolved) -> tuple[FileClaim, ...]:

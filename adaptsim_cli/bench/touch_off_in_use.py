@@ -36,8 +36,8 @@ def touch_offs(config: Config, places: Places) -> TouchOffStore:
 
 
 def serving(config: Config, places: Places, task: Task) -> tuple[TouchOffStore, ...]:
-    """The touch-offs that serve a task on this rig. A tool without corners has none of its own: for it count those of
-    all tools, which touched the same table.
+    """The touch-offs that serve a task on this rig. A tool without corners has no touch-off of its own, so those of all
+    tools count for it, because they touched the same table.
     """
     own = touch_offs(config, places)
     if config.is_simulated or task.require_hardware().touchable is not None:

@@ -134,7 +134,7 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         ),
         "schema": CommandRow(
             "config:schema",
-            "Print the JSON schema of what a command prints with --json: names, types, units, meanings.",
+            "Print the JSON schema of the output of a command with --json: names, types, units, meanings.",
         ),
     },
 }
@@ -170,10 +170,11 @@ def _version(flag: bool) -> None:
 
 def openers() -> Openers:
     """What commands open; the only place of the command line that knows labs, trackers and own robots by name."""
+    from adaptsim_cli.bench.devices.trackers import tracker_of
     from adaptsim_cli.session import opening
     from adaptsim_cli.session.target import Openers
 
-    return Openers(opening.open_parts, opening.seen_by_camera)
+    return Openers(opening.open_parts, opening.seen_by_camera, tracker_of)
 
 
 @app.callback()

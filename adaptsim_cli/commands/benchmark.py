@@ -85,9 +85,7 @@ def world_tables(
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn, named and sealed.")
     ] = "develop,drawn,named",
-    rollouts: Annotated[
-        int, typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=8, help="True rollouts of each world.")
-    ] = 320,
+    rollouts: Annotated[int, options.advanced("--rollouts", "True rollouts of each world.", min=8)] = 320,
     scheduler: options.Scheduler = "",
     share: options.ShareOfWork = "",
 ) -> Reply:
@@ -106,6 +104,6 @@ def world_tables(
             files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
             return complete(part, f"{files} files of tables", tables_folder(resolved))
         tables = make_tables(resolved, targets, rollouts, crew, progress)
-    screen.plain(f"{len(tables)} tables of {task}: {tables_folder(resolved)}")
+    screen.plain(f"Tables of {task} for {len(tables)} world{'s' * (len(tables) != 1)}: {tables_folder(resolved)}")
     step = (f"adaptsim benchmark --task {task} --targets {targets}", "compares methods in these worlds")
     return Reply({"task": task, "tables": tables}, next=[step])

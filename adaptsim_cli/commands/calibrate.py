@@ -28,7 +28,7 @@ def calibrate(
     screen: Screen,
     resolved: Resolved,
     guide: _Guide = False,
-    views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
+    views: Annotated[int, typer.Option("--views", min=12, max=100, help="Number of places that the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: options.Yes = False,
 ) -> Reply:
@@ -62,9 +62,7 @@ def board(
     paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
     square_mm: Annotated[
         float | None,
-        typer.Option(
-            "--square-mm", rich_help_panel=options.ADVANCED, help="Edge of a square; default: the largest that fits."
-        ),
+        options.advanced("--square-mm", "Edge of a square; default: the largest that fits."),
     ] = None,
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
@@ -109,34 +107,20 @@ def solve(
     ] = None,
     refine_intrinsics: Annotated[
         bool,
-        typer.Option(
-            "--refine-intrinsics",
-            rich_help_panel=options.ADVANCED,
-            help="Use the focal length, centre and distortion estimated from the views.",
+        options.advanced(
+            "--refine-intrinsics", "Use the focal length, centre and distortion estimated from the views."
         ),
     ] = False,
     exchange: Annotated[
         list[str] | None,
-        typer.Option(
-            "--exchange", rich_help_panel=options.ADVANCED, help="Two views with exchanged poses, as 25:26; repeatable."
-        ),
+        options.advanced("--exchange", "Two views with exchanged poses, as 25:26; repeatable."),
     ] = None,
     shift: Annotated[
         int,
-        typer.Option(
-            "--shift",
-            rich_help_panel=options.ADVANCED,
-            min=-5,
-            max=5,
-            help="Each picture belongs to the pose this many views later.",
-        ),
+        options.advanced("--shift", "Each picture belongs to the pose this many views later.", min=-5, max=5),
     ] = 0,
-    first: Annotated[
-        str, typer.Option("--from", rich_help_panel=options.ADVANCED, help="Leave out the views before this one.")
-    ] = "",
-    last: Annotated[
-        str, typer.Option("--until", rich_help_panel=options.ADVANCED, help="Leave out the views after this one.")
-    ] = "",
+    first: Annotated[str, options.advanced("--from", "Leave out the views before this one.")] = "",
+    last: Annotated[str, options.advanced("--until", "Leave out the views after this one.")] = "",
 ) -> Reply:
     """Solve from views recorded elsewhere, on any robot, with the same checks and report.
 
@@ -157,20 +141,16 @@ def solve(
 @command()
 def together(
     screen: Screen,
-    folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
+    folders: Annotated[list[Path], typer.Argument(help="A folder of views per camera; docs/guide/foreign-views.md.")],
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
         list[str] | None,
-        typer.Option(
-            "--exchange",
-            rich_help_panel=options.ADVANCED,
-            help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable.",
-        ),
+        options.advanced("--exchange", "A folder and two of its views with exchanged poses, as cam:25:26; repeatable."),
     ] = None,
 ) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
-    Judged by the gates of one camera; a result that fails is written, and the command ends with an error.
+    The limits are those of one camera. A result beyond a limit is written, and the command ends with an error.
 
     Views with the same name must show the same posture of the arm.
 
@@ -196,7 +176,7 @@ def overlay(
 ) -> Reply:
     """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
 
-    Also measures how far the hand's outline lies off what moves in the pictures.
+    Also measures the distance of the hand's outline from the moving region of the pictures.
 
     Example: adaptsim calibrate overlay my-views
     """

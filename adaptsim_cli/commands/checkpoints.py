@@ -44,12 +44,7 @@ def verify(
     resolved: Resolved,
     rollouts: Annotated[
         int | None,
-        typer.Option(
-            "--rollouts",
-            rich_help_panel=options.ADVANCED,
-            min=0,
-            help="True rollouts to compare with; 0: only read the files.",
-        ),
+        options.advanced("--rollouts", "True rollouts to compare with; 0: only read the files.", min=0),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
@@ -124,10 +119,10 @@ def trials(
     resolved: Resolved,
     again: Annotated[bool, typer.Option("--again", help="Play the imagined sessions again: some minutes.")] = False,
 ) -> Reply:
-    """How many trials will a session need? Whole sessions are played in imagined worlds, before the first real trial.
+    """How many trials will a session need? It runs whole sessions in imagined worlds, before the first real trial.
 
-    The method itself holds an imagined world possible: parameters of the ranges and their margin, and deviations
-    that no parameter expresses. A pair is a trial and a control trial of UDR in the same place.
+    These worlds are drawn from the method's own prior: parameters of the ranges and their margin, and deviations that
+    no parameter expresses. A pair is a trial and a control trial of UDR in the same place.
 
     Example: adaptsim checkpoints trials --task scooping
     """

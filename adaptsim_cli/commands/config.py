@@ -61,7 +61,8 @@ def path(resolved: Resolved) -> Reply:
 @app.command()
 @command("hw", with_json=False)
 def trust(screen: Screen, resolved: Resolved) -> Reply:
-    """Confirm the files of the current folder that decide what moves, what is confirmed, or what runs.
+    """Confirm the files of the current folder that decide which motions are made, what is confirmed, or which programs
+    run.
 
     Asks about each one that is not confirmed yet, or has changed since. Nothing runs or moves.
 
@@ -91,10 +92,10 @@ def schema(
         typer.Argument(help="Command, e.g. sessions list; default: all of them."),
     ] = None,
 ) -> Reply:
-    """Print the JSON schema of what a command prints with --json: names, types, units, meanings.
+    """Print the JSON schema of the output of a command with --json: names, types, units, meanings.
 
-    `own-robot question` and `own-robot answer` are what a robot of your own is asked, and answers.
-    Without a command it lists those that take --json. Every output begins with its `version`.
+    `own-robot question` and `own-robot answer` are the question to a robot of your own, and its answer. Without a
+    command it lists those that take --json. Every output begins with its `version`.
 
     Example: adaptsim schema sessions list
     """

@@ -42,6 +42,6 @@ def explain(
             lines.append(f"  Kind: {one.kind}, exit code {code}. {messages.meaning_of(kind)}")
             lines.append(f"  Next: {messages.ADVICE[code]}")
         else:
-            lines.append(f"  A cause, which stands in several messages: {addressed('docs/guide/faults.md')}")
+            lines.append(f"  A cause that is part of several messages: {addressed('docs/guide/faults.md')}")
         lines.append(f"  From {one.place}")
     return Reply(text=lines)

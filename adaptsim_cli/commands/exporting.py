@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.target import Openers
 
 
 def format_names(incomplete: str) -> list[str]:
@@ -26,29 +27,41 @@ def format_names(incomplete: str) -> list[str]:
 
 @command()
 def report(
-    screen: Screen, session: options.NewestSession = None, out: options.Out = None, force: options.Force = False
+    screen: Screen,
+    resolved: Resolved,
+    session: options.NewestSession = None,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> Reply:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
+
+    A session of an earlier format has its page too.
 
     Example: adaptsim report scooping-oreo
     """
     import shlex
 
     from adaptsim_cli.screen import views
+    from adaptsim_cli.session import folders
     from adaptsim_cli.session.advice import onwards
     from adaptsim_cli.session.history import results_of
+    from adaptsim_cli.session.store import readable
     from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
 
-    opened = options.stored(session)
+    root = resolved.places.sessions
+    name = session or folders.newest(root)
     if out is not None:
         durable.require_new(out, force=force)
-    with screen.busy("Drawing the report"):
-        path = Reports().draw(opened, out)
-    name = opened.facts.name
+    with readable(root, name) as opened:
+        with screen.busy("Drawing the report"):
+            path = Reports().draw(opened, out or root / name / folders.REPORT)
+        further = onwards(opened.facts, results_of(opened), opened.iterations())
+    if opened.folder != root / name:
+        further = ((f"adaptsim sessions migrate {name}", "writes it again for the other commands of this version"),)
     steps = [
         (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
-        *onwards(opened.facts, results_of(opened), opened.iterations()),
+        *further,
     ]
     steps = [step for step in steps if step[0] != f"adaptsim report {name}"]
     return Reply({"session": name, "report": str(path)}, [views.FileLine("Report", path)], steps)
@@ -212,6 +225,7 @@ def bundle(
 @command()
 def retrack(
     screen: Screen,
+    openers: Openers,
     session: options.Session,
     trial: Annotated[
         int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
@@ -221,7 +235,6 @@ def retrack(
 
     Example: adaptsim retrack scooping-oreo --trial 2
     """
-    from adaptsim_cli.bench.devices.trackers import tracker_of
     from adaptsim_cli.screen import views
     from adaptsim_cli.session import retracking
     from sim.tasks import get_task
@@ -230,7 +243,7 @@ def retrack(
     task = get_task(opened.facts.task)
     retracking.require_camera(task)
     with screen.busy("Tracking"):
-        rows = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
+        rows = tuple(retracking.retrack(opened, task, openers.tracker(task), trial))
     return Reply(
         {"session": session, "units": opened.facts.units, "trials": rows},
         [views.rows(retracking.HEAD, retracking.rows(rows), right=(0, 3, 4, 5, 6))],

@@ -27,7 +27,7 @@ def show(
     resolved: Resolved,
     png: Annotated[
         Path | None,
-        typer.Option("--png", rich_help_panel=options.ADVANCED, help="Write the camera picture to this file."),
+        options.advanced("--png", "Write the camera picture to this file."),
     ] = None,
 ) -> Reply:
     """Show the true parameters of a world. For checks only: learning and tracking never read them.

@@ -71,6 +71,17 @@ def _like(incomplete: str, names: set[str]) -> list[str]:
 ROBOT, ADVANCED = "Robot", "Advanced"
 """Panels of the help, below the usual options."""
 
+
+def robot(flag: str, meaning: str, **rules: Any) -> Any:
+    """An option in the panel of the robot."""
+    return typer.Option(flag, help=meaning, rich_help_panel=ROBOT, **rules)
+
+
+def advanced(flag: str, meaning: str, **rules: Any) -> Any:
+    """An option in the last panel, which few people need."""
+    return typer.Option(flag, help=meaning, rich_help_panel=ADVANCED, **rules)
+
+
 Task = Annotated[
     str | None,
     typer.Option(
@@ -89,53 +100,30 @@ World = Annotated[
 Seed = Annotated[int | None, typer.Option("--seed", show_default="0", help="Seed of all random numbers.")]
 Hw = Annotated[
     str | None,
-    typer.Option(
-        "--hw",
-        autocompletion=hardware_names,
-        show_default="fake",
-        rich_help_panel=ROBOT,
-        help="Which hardware: fake, panda, fr3, fr3v2 or own.",
+    robot(
+        "--hw", "Which hardware: fake, panda, fr3, fr3v2 or own.", autocompletion=hardware_names, show_default="fake"
     ),
 ]
 AnswerWith = Annotated[
     str | None,
-    typer.Option(
-        "--answer-with",
-        metavar="COMMAND",
-        rich_help_panel=ROBOT,
-        help="With --hw own: the program that answers, or person.",
-    ),
+    robot("--answer-with", "With --hw own: the program that answers, or person.", metavar="COMMAND"),
 ]
 AnswerMoves = Annotated[
     str | None,
-    typer.Option(
-        "--answer-moves",
-        show_default="robot",
-        rich_help_panel=ROBOT,
-        help="What that program moves: robot (each trial confirmed) or nothing.",
-    ),
+    robot("--answer-moves", "What that program moves: robot (each trial confirmed) or nothing.", show_default="robot"),
 ]
 Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
 Solver = Annotated[
     str | None,
-    typer.Option(
-        "--solver",
-        rich_help_panel=ADVANCED,
-        help="How task policies are found: emulator, naf, or direct (without Phase 1).",
-    ),
+    advanced("--solver", "How task policies are found: emulator, naf, or direct (without Phase 1)."),
 ]
 Recorded = Annotated[
     str | None,
-    typer.Option("--recorded", rich_help_panel=ADVANCED, help="Folder of recorded trials that replace the lab."),
+    advanced("--recorded", "Folder of recorded trials that replace the lab."),
 ]
 HeldOut = Annotated[
     float | None,
-    typer.Option(
-        "--held-out",
-        show_default="0.5",
-        rich_help_panel=ADVANCED,
-        help="Fraction of the recorded trials held out for scoring, 0 to 0.9.",
-    ),
+    advanced("--held-out", "Fraction of the recorded trials held out for scoring, 0 to 0.9.", show_default="0.5"),
 ]
 Context = Annotated[
     list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
@@ -147,52 +135,29 @@ Action = Annotated[
 
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
 Sure = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
-Realtime = Annotated[
-    bool, typer.Option("--realtime", rich_help_panel=ROBOT, help="Simulated lab: at the arm's own pace, to watch.")
-]
+Realtime = Annotated[bool, robot("--realtime", "Simulated lab: at the arm's own pace, to watch.")]
 Pace = Annotated[
     float | None,
-    typer.Option(
-        "--pace",
-        show_default="1",
-        rich_help_panel=ROBOT,
-        help="Speed of every motion, 0.1 to 1; below 1 nothing counts.",
-    ),
+    robot("--pace", "Speed of every motion, 0.1 to 1; below 1 nothing counts.", show_default="1"),
 ]
-Operator = Annotated[
-    str | None, typer.Option("--operator", rich_help_panel=ROBOT, help="Your name, for the record of a real arm.")
-]
+Operator = Annotated[str | None, robot("--operator", "Your name, for the record of a real arm.")]
 View = Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")]
 ViewPort = Annotated[
     int | None,
-    typer.Option(
-        "--view-port", min=1024, max=65535, rich_help_panel=ADVANCED, help="Port of that page; implies --view."
-    ),
+    advanced("--view-port", "Port of that page; implies --view.", min=1024, max=65535),
 ]
 
 Workers = Annotated[
     int | None,
-    typer.Option(
-        "--workers", show_default="0", rich_help_panel=ADVANCED, help="Number of processes; 0: one per usable core."
-    ),
+    advanced("--workers", "Number of processes; 0: one per usable core.", show_default="0"),
 ]
 Scheduler = Annotated[
     str,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        rich_help_panel=ADVANCED,
-        help="Simulate on the workers of this Dask scheduler, not on this computer.",
-    ),
+    advanced("--scheduler", "Simulate on the workers of this Dask scheduler, not on this computer.", metavar="ADDRESS"),
 ]
 ShareOfWork = Annotated[
     str,
-    typer.Option(
-        "--share",
-        metavar="K/N",
-        rich_help_panel=ADVANCED,
-        help="Compute the K-th of N shares; the command without it joins them.",
-    ),
+    advanced("--share", "Compute the K-th of N shares; the command without it joins them.", metavar="K/N"),
 ]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
 

@@ -41,12 +41,7 @@ def own_object(
     ] = None,
     rollouts: Annotated[
         int | None,
-        typer.Option(
-            "--rollouts",
-            rich_help_panel=options.ADVANCED,
-            min=64,
-            help="Simulated trials to learn from, if it is another scene.",
-        ),
+        options.advanced("--rollouts", "Simulated trials to learn from, if it is another scene.", min=64),
     ] = None,
     scheduler: options.Scheduler = "",
 ) -> Reply:

@@ -27,28 +27,19 @@ def pretrain(
     budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
     rollouts: Annotated[
         int | None,
-        typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=64, help="Simulated trials in the dataset."),
+        options.advanced("--rollouts", "Simulated trials in the dataset.", min=64),
     ] = None,
     denser: Annotated[
         int | None,
-        typer.Option(
-            "--denser", rich_help_panel=options.ADVANCED, min=0, help="Further trials where the outcome is uncertain."
-        ),
+        options.advanced("--denser", "Further trials where the outcome is uncertain.", min=0),
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(
-            "--episodes",
-            rich_help_panel=options.ADVANCED,
-            min=64,
-            help="Episodes from which each adaptation policy learns.",
-        ),
+        options.advanced("--episodes", "Episodes from which each adaptation policy learns.", min=64),
     ] = None,
     judged: Annotated[
         int | None,
-        typer.Option(
-            "--judged", rich_help_panel=options.ADVANCED, min=4, help="Unseen targets on which the result is evaluated."
-        ),
+        options.advanced("--judged", "Unseen targets on which the result is evaluated.", min=4),
     ] = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
@@ -60,19 +51,20 @@ def pretrain(
         bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
     ] = False,
     evaluate: Annotated[
-        bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
+        bool, typer.Option("--evaluate", help="Score sessions of the methods on unseen targets, by true rollouts.")
     ] = False,
 ) -> Reply:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the rewards, write a checkpoint.
 
-    The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
-    both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
+    The method adaptsim needs nothing else. --methods adds the paper's adaptation policies, and --evaluate scores all
+    methods; both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
-    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one.
+    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one. Of a task that
+    trains its policies, it first trains a part of these, and run once more it simulates a part of the grid.
 
-    With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
+    With --targets wide, the targets for learning and for scores may lie beyond the paper's ranges.
 
     Example: adaptsim pretrain --task scooping --budget small
     """
@@ -86,16 +78,16 @@ def pretrain(
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
     if judged is not None and not evaluate:
-        raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
+        raise UsageError("--judged sets the number of targets on which the methods are scored: add --evaluate")
     part = share_of(share, screen)
     sizes = pretraining.RequestedSizes(rollouts, denser, episodes, judged)
     request = pretraining.checked(resolved, out, budget, targets, sizes)
     with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         if part is not None:
             if pretraining.pretrain_share(request, part, crew, progress):
-                return complete(part, "its part of the dataset", request.folder)
-            even = f"Share {part} of the even part is complete in {request.folder}"
-            return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
+                return complete(part, "its part of the rollouts", request.folder)
+            first = f"Share {part} of the first part is complete in {request.folder}"
+            return Reply(text=[first, "Once all shares are, the same command simulates this share of the second part."])
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")

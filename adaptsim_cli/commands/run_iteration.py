@@ -25,7 +25,7 @@ def run_iteration(
     resolved: Resolved,
     openers: Openers,
     iterations: Annotated[
-        int | None, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.", show_default="1")
+        int | None, typer.Option("--iterations", "-n", min=1, help="Number of iterations to run.", show_default="1")
     ] = None,
     until_done: Annotated[
         bool, typer.Option("--until-done", help="Go on until the verdict says stop, --iterations at most.")
@@ -37,11 +37,7 @@ def run_iteration(
     yes: options.Yes = False,
     own_calibration: Annotated[
         bool,
-        typer.Option(
-            "--own-calibration",
-            rich_help_panel=options.ADVANCED,
-            help="Go on with the calibration and touch-off of the session.",
-        ),
+        options.advanced("--own-calibration", "Go on with the calibration and touch-off of the session."),
     ] = False,
     view: options.View = False,
     view_port: options.ViewPort = None,

@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/index/verify/mark/delete/prune/redo/accept/amend/policy`."""
+"""`adaptsim sessions list/show/index/verify/migrate/mark/delete/prune/redo/accept/amend/policy`."""
 
 from __future__ import annotations
 
@@ -147,6 +147,32 @@ def verify(
 
 @app.command()
 @command()
+def migrate(
+    screen: Screen,
+    resolved: Resolved,
+    name: options.Session,
+    new_name: Annotated[
+        str | None, typer.Option("--as", help="Name of the new session; default: NAME with -migrated.")
+    ] = None,
+) -> Reply:
+    """Write a session of an earlier format again, so that every command can use it. The old one stays as it is.
+
+    `report` and `--recorded` read it as it is. The log and the pages of the old one are not copied.
+
+    Example: adaptsim sessions migrate scooping-oreo
+    """
+    from adaptsim_cli.session import earlier
+
+    root, new_name = resolved.places.sessions, new_name or f"{name}-migrated"
+    with screen.busy(f"Writing {new_name}"):
+        folder = earlier.migrate(root, name, new_name)
+    data = {"session": name, "migrated": new_name, "folder": str(folder)}
+    step = (f"adaptsim sessions verify {new_name}", "compares every file with its checksum")
+    return Reply(data, [f"Session {name}, written again: {folder}"], [step])
+
+
+@app.command()
+@command()
 def mark(
     resolved: Resolved,
     name: options.Session,
@@ -252,12 +278,7 @@ def accept(
     trial: options.Trial,
     attempt: Annotated[
         int | None,
-        typer.Option(
-            "--attempt",
-            rich_help_panel=options.ADVANCED,
-            min=1,
-            help="Which attempt; default: the newest with a recording.",
-        ),
+        options.advanced("--attempt", "Which attempt; default: the newest with a recording.", min=1),
     ] = None,
     reason: Annotated[str, typer.Option("--reason", help="Why it counts after all.")] = "restored by the operator",
 ) -> Reply:

@@ -33,8 +33,8 @@ def setup(
 ) -> Reply:
     """Set up a lab: from an unpacked arm to the first trial, with a check after every step.
 
-    It asks, writes the rig file, and leads through calibration, touch-off and the first motions. A walk that was
-    stopped goes on where it was. In the simulated lab it is practised, with a rig file of its own, practice.toml.
+    It asks, writes the rig file, and leads through calibration, touch-off and the first motions. The same command
+    continues a walk that was stopped. In the simulated lab it is practised, with a rig file of its own, practice.toml.
 
     Example: adaptsim setup --hw fr3 --task scooping
     """

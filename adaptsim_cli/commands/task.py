@@ -53,7 +53,7 @@ def check(
 ) -> Reply:
     """Check what every task must keep: numbers, order, ranges, units, rewards, contexts.
 
-    Ends with exit code 2 if something is broken. A doubt is a question, and stops nothing.
+    Ends with exit code 2 if something is broken. A doubt is only a question, and refuses nothing.
 
     Example: adaptsim task check shuffle.py
     """

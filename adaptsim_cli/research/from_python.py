@@ -34,7 +34,7 @@ def rollout(task_name: str, policy: Policy, *, world: str, n: int, seed: int, th
         raise UsageError(f"n = {n}: at least one rollout")
     task = task_of(resolve({"task": task_name}).config)
     target, rng = load_world(world, task), np.random.default_rng(seed)
-    with _place(load_checkpoint(task, usual_checkpoint(task)).solver, target, seed, through) as place:
+    with _trial_source(load_checkpoint(task, usual_checkpoint(task)).solver, target, seed, through) as place:
         contexts = task.context.sample(rng, n)
         act = policy if callable(policy) else lambda _: policy
         actions = np.stack([action_of(task.action, act(context)) for context in contexts])
@@ -90,7 +90,7 @@ def benchmark(
 
 
 @contextmanager
-def _place(solver: Solver, world: World, seed: int, through: Through) -> Iterator[TrialSource]:
+def _trial_source(solver: Solver, world: World, seed: int, through: Through) -> Iterator[TrialSource]:
     direct = SimulatedTrials(solver, world)
     if through == "direct":
         yield direct

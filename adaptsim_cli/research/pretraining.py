@@ -87,18 +87,25 @@ def pretrain(request: Request, executor: Executor, progress: StageProgress, stag
 
 
 def pretrain_share(request: Request, share: Share, executor: Executor, progress: StageProgress) -> bool:
-    """Simulate one share of the dataset; whether it is complete: False while its second half waits for other shares.
+    """Simulate one share of the dataset, or of the grid; whether it is complete: False while it waits for other shares.
 
     Raises UsageError if there is no dataset to simulate, SimError, SessionError.
     """
-    from sim.research.pretraining.dataset_share import simulate_dataset_share
+    from sim.research.pretraining.dataset_share import agree_on_plan, simulate_dataset_share, stage_seeds
+    from sim.research.pretraining.grid_stage import simulate_grid_share
 
-    if request.task.exact or request.solver != LEARNT[0]:
-        raise UsageError("--share divides the dataset of the emulator, and this pretraining has none: leave it out")
-    with working_in(request.folder, BUSY, share):
-        return simulate_dataset_share(
-            request.task, request.folder, request.budget, request.seed, share, executor, progress
-        )
+    task, folder = request.task, request.folder
+    refusal = "--share divides the rollouts of a pretraining, and this one has none to divide: leave it out"
+    if request.solver != LEARNT[0]:
+        raise UsageError(refusal)
+    with working_in(folder, BUSY, share):
+        if not (task.exact or task.training):
+            return simulate_dataset_share(task, folder, request.budget, request.seed, share, executor, progress)
+        agree_on_plan(task, folder, request.budget, request.seed, request.solver)
+        complete = simulate_grid_share(task, folder, stage_seeds(request.seed)[0], share, executor, progress)
+    if complete is None:
+        raise UsageError(refusal)
+    return complete
 
 
 def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, sizes: RequestedSizes) -> Request:

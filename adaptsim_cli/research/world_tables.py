@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,12 +15,11 @@ from adaptsim_cli.research.sealed import seal_of
 from adaptsim_cli.research.working import working_in
 
 if TYPE_CHECKING:
-    from sim.adaptation.checkpoint import Checkpoint
     from sim.lab.physics import Physics
-    from sim.lab.world import World
+    from sim.research.benchmark.tables import PlannedTable
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.shares import Share
-    from sim.tasks.task import Solver, Task
+    from sim.tasks.task import Task
 
 
 def tables_folder(resolved: Resolved) -> Path:
@@ -39,17 +37,14 @@ def make_tables(
 
     Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
     """
-    from sim.research.benchmark.tables import build_table
-
     tables, rows = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
     with working_in(tables_folder(resolved), TABLES_BUSY):
-        for i, table in enumerate(tables):
-            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
-            built = build_table(*table.made_of, executor, show)
+        for i, (target, table) in enumerate(tables):
+            built = table.build(executor, partial(_report, progress, i * rollouts, len(tables) * rollouts))
             rows.append(
                 {
-                    "set": table.target.set,
-                    "world": table.target.name,
+                    "set": target.set,
+                    "world": target.name,
                     "rollouts": len(built.actions),
                     "digest": built.digest,
                     "folder": str(table.folder),
@@ -65,37 +60,19 @@ def make_tables_share(
 
     Raises as `make_tables`.
     """
-    from sim.research.benchmark.tables import build_table_share
-
     tables, files, before = _planned(resolved, targets, rollouts), 0, 0
     with working_in(tables_folder(resolved), TABLES_BUSY, share):
-        for i, table in enumerate(tables):
+        for i, (_, table) in enumerate(tables):
             show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
-            mine, all_of_it = build_table_share(*table.made_of, share, before, executor, show)
+            mine, all_of_it = table.build_share(share, before, executor, show)
             files, before = files + mine, before + all_of_it
     return files
 
 
-@dataclass(frozen=True, eq=False)
-class _PlannedTable:
-    """The table of a world that is to be made."""
-
-    target: BenchmarkWorld
-    checkpoint: Checkpoint
-    scene: str
-    folder: Path
-    size: int
-
-    @property
-    def made_of(self) -> tuple[Solver, str, str, World, Path, int]:
-        """The first arguments of `build_table`."""
-        solver, policies = self.checkpoint.solver, self.checkpoint.sha256
-        return solver, policies, self.scene, self.target.world, self.folder, self.size
-
-
-def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
+def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[tuple[BenchmarkWorld, PlannedTable]]:
     from adaptsim_cli.bench.checkpoints import usual_checkpoint
     from sim.adaptation.checkpoint import load_checkpoint
+    from sim.research.benchmark.tables import PlannedTable
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
@@ -111,7 +88,8 @@ def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTa
     seal = seal_of(resolved, targets)
     chosen = targets_of(task, comma_separated(targets)) if seal is None else seal.worlds(task)
     scenes, folder = scene_keys(task, chosen), tables_folder(resolved)
-    return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]
+    make = partial(PlannedTable, checkpoint.solver, checkpoint.sha256)
+    return [(t, make(scenes[t.world.physics], t.world, folder / t.set / t.name, rollouts)) for t in chosen]
 
 
 def _report(progress: StageProgress, before: int, total: int, done: int, _: int) -> None:

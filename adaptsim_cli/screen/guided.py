@@ -1,7 +1,7 @@
 """An arm that a person guides by hand: waiting until it rests, and connecting again after guiding ended the connection.
 
-Guiding an FR3 may mean to leave Execution in Desk, and that ends the research interface (FCI). What the person has
-shown until then is kept.
+To guide an FR3, a person may have to leave Execution in Desk, which ends the research interface (FCI). Everything that
+the person has shown until then is kept.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class GuidedArm(ArmWrapper[Arm]):
     """`hw.ports.Arm` while a person guides it: a lost connection is a question, not the end of the command."""
 
     def __init__(self, arm: Arm, screen: Screen, assurance: str) -> None:
-        """`assurance` tells the person what is not lost."""
+        """`assurance` tells the person that nothing is lost."""
         super().__init__(arm)
         self._screen, self._kept = screen, assurance
 

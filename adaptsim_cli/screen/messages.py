@@ -103,7 +103,7 @@ def _all_raised() -> tuple[ErrorMessage, ...]:
 
 
 def _raised(path: Path, name: str) -> Iterator[ErrorMessage]:
-    """Every error of a file that is made of a text in the source, and the causes that a table of it holds."""
+    """Every error in a source file that is made from a text, and the causes in its tables."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and node.args:
             kind = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")

@@ -13,7 +13,7 @@ _PAGE = re.compile(r"\bdocs/[\w/-]+\.(?:md|ipynb)(?:#[\w-]+)?")
 
 
 def addressed(text: str) -> str:
-    """The text with the address of every page that it names, where this installation has no `docs` folder beside it."""
+    """The text, with an address for every page that it names, if this installation has no `docs` folder beside it."""
     return text if _has_documents() else _PAGE.sub(lambda page: f"{_documents()}{page.group()}", text)
 
 

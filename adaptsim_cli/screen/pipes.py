@@ -8,7 +8,7 @@ from typing import Any, TextIO
 
 
 class PipeOutput(io.FileIO):
-    """A file descriptor for writing. What nobody reads any more is dropped, so that the work itself goes on."""
+    """A file descriptor for writing. Output that nobody reads any more is dropped, so that the work continues."""
 
     def write(self, data: Any, /) -> int:
         """See `io.RawIOBase`; after the reader has left, everything counts as written."""

@@ -1,7 +1,8 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
-Enter lets nothing move. A foot at the pedal cannot answer: it only enables what a hand has released. A `y` belongs to
-one motion by its digest, and is used up when that motion is tried; no other motion can begin by it.
+Enter lets nothing move. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
+keyboard. A `y` belongs to one motion by its digest, and is used up when that motion is tried; no other motion can begin
+by it.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ def before_first(robot: str, table: str, pedal: bool) -> str:
 class Release:
     """Which motions of one arm and its hand may begin, during one command. Every question may raise StoppedByOperator.
 
-    Arm and hand call `take` before each of their motions, with its digest: what no question has released is asked for
-    there.
+    Arm and hand call `take` before each of their motions, with its digest; a motion that no question has released is
+    asked for there.
     """
 
     screen: Screen | None = None  # None: nobody is asked, in the simulated lab only
@@ -67,7 +68,9 @@ class Release:
     each: Each = "motion"
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
-    """Call it when the task's own motion, or a whole series, came to its end: the way there or home does not count."""
+    """Call it after the task's own motion, or a whole series, was played to its end; the approach and the way home do
+    not count.
+    """
     _released: str = field(default="", init=False)  # digest of the one motion that a `y` lets begin; "": none
     _run: tuple[str, str] | None = field(default=None, init=False)
     _run_released: bool = field(default=False, init=False)  # the arm's model was typed for the rest of the run
@@ -80,7 +83,7 @@ class Release:
         return self.screen is not None and self.each == "motion"
 
     def start(self) -> None:
-        """Ask what is asked once."""
+        """Ask the questions that are asked once per command."""
         if not self._started:
             self.first()
             self._started = True
@@ -102,7 +105,7 @@ class Release:
             self._run_released = self._run is not None
 
     def announced(self, question: str, digest: str, then: str, assurance: str) -> None:
-        """A question about a trial: it releases the first motion, or where the rig file says so all of them."""
+        """A question about a trial: it releases the first motion, or all of them if the rig file says so."""
         if self.each == "motion" or not self.model:
             self.one(question, digest, then, assurance)
         else:
@@ -128,7 +131,7 @@ class Release:
         self.motion(path.digest, what, path.duration_s)
 
     def take(self, digest: str, what: str = "makes its next motion", duration_s: float | None = None) -> None:
-        """Returns once this motion may be tried. Whatever becomes of it, another one needs an answer of its own."""
+        """Returns once this motion may be tried. However it ends, another motion needs an answer of its own."""
         try:
             self.motion(digest, what, duration_s)
         finally:
@@ -139,7 +142,7 @@ class Release:
         self._released = ""
 
     def begun(self) -> None:
-        """The motion that was taken begins: of a run, its first one is watched from now on."""
+        """The motion that was taken begins; if it is the first one of a run, a person watches it from now on."""
         self._watched = self._run is not None
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""The end of a command: what it prints last, for a program or for a person."""
+"""The last output of a command, for a program or for a person."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ _NEGATIVE, _ZERO = re.compile(r"(?<![\w.)-])-(?=\d)"), re.compile(r"[−+](0(?:\
 def predicted_between(low: float, high: float) -> str:
     """The interval of a predicted reward: `0.68 to 0.96`; without a width, the reason why there is none."""
     interval = between(low, high)
-    return interval if interval != NO_INTERVAL else f"{interval}: all that may be true predict the same"
+    return interval if interval != NO_INTERVAL else f"{interval}: all simulators that may be true predict the same"
 
 
 def _number(dimension: Dimension, text: str) -> float:
@@ -303,8 +303,8 @@ _EVERY = 20  # samples of a path between two poses for a speed
 def clear_to_move(real: bool, what: str, duration_s: float | None = None, speed_m_s: float | None = None) -> str:
     """A question that Enter answers with a start. `what` continues after "then": "goes home", "scoops and goes back".
 
-    Asked before the first motion of a command, and again whenever somebody may have reached in. `speed_m_s` is the
-    tool's top speed. Unknown values are left out.
+    It is asked before the first motion of a command, and again whenever somebody may have reached in. `speed_m_s` is
+    the tool's top speed. Unknown values are left out.
     """
     who = "THE REAL ROBOT" if real else "The simulated robot"
     parts = [f"{duration_s:.0f} s in all" if duration_s is not None and duration_s >= 1.0 else ""]

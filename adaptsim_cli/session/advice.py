@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 from statistics import fmean
 
-from adaptsim_cli.config import is_own, same_lab
+from adaptsim_cli.config import Config, is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
 from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
@@ -43,14 +43,14 @@ def check_first(task: str, hw: str, calibration: str) -> str:
     if calibration:
         return RIG_FIRST
     if is_own(hw):
-        return "the columns, units and clocks of what your robot reports"
+        return "the columns, units and clocks of your robot's reports"
     return f"the ranges and the reward of the task {task}"
 
 
 def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: str = "") -> str:
     """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen.
 
-    `first` is what to check if no action works (`check_first`); empty: on a rig.
+    `first` names the things to check if no action works (`check_first`); empty: those of a rig.
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
@@ -88,7 +88,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 
 def _worth(verdict: Verdict) -> str:
-    """The worth of another iteration, for a method with a forecast."""
+    """The expected gain of another iteration, for a method with a forecast."""
     if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; no trial has confirmed it yet, and the next iteration tries it"
     if verdict.kind is Kind.ENOUGH:
@@ -188,22 +188,26 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return texts
 
 
-def go_on_with(session: str, answer_with: str) -> str:
-    """The command that continues a session; with the program that answers for an own robot, if a flag named it."""
-    return f"adaptsim run-iteration --session {session}" + (
-        f" --answer-with {shlex.quote(answer_with)}" * bool(answer_with)
-    )
+def answering_flags(config: Config) -> str:
+    """The flags that name the program which answers for an own robot."""
+    moves = " --answer-moves nothing" if config.answer_moves == "nothing" else ""
+    return f" --answer-with {shlex.quote(config.answer_with)}{moves}"
 
 
-def after_iteration(facts: SessionFacts, result: ResultRecord, answer_with: str = "") -> Steps:
-    """The next commands, the likeliest first; `answer_with` is the program that answers for an own robot, if known."""
+def go_on_with(session: str, answering: str) -> str:
+    """The command that continues a session; with the flags of a program that answers, if flags named it."""
+    return f"adaptsim run-iteration --session {session}{answering}"
+
+
+def after_iteration(facts: SessionFacts, result: ResultRecord, answering: str = "") -> Steps:
+    """The next commands, the likeliest first; `answering` are the flags of the program that answers, if known."""
     verdict, done = result.verdict, result.iteration
-    go_on = go_on_with(facts.name, answer_with)
+    go_on = go_on_with(facts.name, answering)
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
     if is_own(facts.hw):  # no session knows who answers: the configuration, or --answer-with each time
-        again = (go_on, f"iteration {done + 1}" + ("" if answer_with else ", with --answer-with as before"))
+        again = (go_on, f"iteration {done + 1}" + ("" if answering else ", with --answer-with as before"))
         use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as JSON")
         confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
@@ -236,7 +240,7 @@ def after_iteration(facts: SessionFacts, result: ResultRecord, answer_with: str 
 
 
 def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
-    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    """The next commands for a stored session with this many begun `iterations`; none for a rollout."""
     if facts.method == ROLLOUT:
         return ()
     if results and results[-1].iteration == iterations:

@@ -154,7 +154,8 @@ def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
     if size > 2:
         return cover(task.context, MOST, np.random.default_rng(0))
     steps: Sequence[Any] = [np.linspace(0.0, 1.0, A_SIDE)] * size
-    return task.context.denormalise(np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, size))
+    grid = task.context.denormalise(np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, size))
+    return np.unique(grid, axis=0)  # a category, or an integer, has fewer values than there are steps
 
 
 def _described(space: Space) -> list[dict[str, Any]]:

@@ -16,8 +16,8 @@ from adaptsim_cli import config
 from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_of
 from adaptsim_cli.config import DIRECT, SOLVERS, Config
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.folders import SOLVER
-from hw.cores import usable_cores
+from adaptsim_cli.session.folders import solver_folder
+from hw.computer import usable_cores
 from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     facts = store.facts
     task = task_of(config.load().config.model_copy(update={"task": facts.task, "object": facts.object}))
     if facts.solver == DIRECT:
-        return direct_checkpoint(task, serial_executor(), store.folder / SOLVER)
+        return direct_checkpoint(task, serial_executor(), solver_folder(store.folder))
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
@@ -58,7 +58,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
 
 def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoint:
-    """What stands for the checkpoint of a session with the direct solver, which keeps its rollouts in `folder`.
+    """The replacement of the checkpoint in a session with the direct solver, which keeps its rollouts in `folder`.
 
     Raises UsageError for a task that trains its policies.
     """
@@ -89,7 +89,7 @@ def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoin
 
 @contextmanager
 def checkpoint_in_session(settings: Config, folder: Path) -> Iterator[Checkpoint]:
-    """The checkpoint of the settings; for the direct solver what stands for it, with the processes that simulate.
+    """The checkpoint of the settings, or its replacement for the direct solver, with the processes that simulate.
 
     `folder` keeps its rollouts. Raises as `checkpoint_of`.
     """

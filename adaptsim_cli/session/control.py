@@ -1,7 +1,7 @@
 """Control trials: the pairs of a session, their result and their cost.
 
-A control trial is made in the same drawn context as a trial of the session, by another policy. Nobody is told which is
-which until their iteration is complete, and nothing learns from it.
+A control trial is made in the same drawn context as a trial of the session, by another policy. Nobody sees which is
+which until their iteration is complete, and the session learns nothing from them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stag
 
 
 def is_hidden(store: SessionStore, iteration: int) -> bool:
-    """Whether nobody may know yet whose policies acted in an iteration."""
+    """Whether it must stay hidden whose policies acted in an iteration."""
     return store.facts.layout.has_control(iteration) and store.result(iteration) is None
 
 

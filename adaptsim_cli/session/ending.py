@@ -37,7 +37,9 @@ def at_the_verdict(session: RunningSession, stage: Stage) -> bool:
 
 
 def asked_at_the_verdict(most: int) -> EndRule:
-    """Asks where the verdict says stop. With nobody to ask it says that `most` iterations were ordered, and goes on."""
+    """Asks where the verdict says stop. If nobody can be asked, it says that `most` iterations were ordered, and
+    continues.
+    """
 
     def ends(session: RunningSession, stage: Stage) -> bool:
         if not (isinstance(stage, Show) and at_the_verdict(session, stage)):

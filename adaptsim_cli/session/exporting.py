@@ -26,8 +26,8 @@ def written(path: Path, content: bytes) -> Path:
 def rows(store: SessionStore) -> list[Row]:
     """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
 
-    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
-    SessionError.
+    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. A category
+    has its word. `ended` is the end in the task's own words, if it has some. Raises SessionError.
     """
     return [_row(store.facts, trial) for trial in played_of(store)]
 
@@ -54,7 +54,13 @@ def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
 
 
 def _row(facts: SessionFacts, trial: TrialRecord) -> Row:
-    quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
+    spaces = {"parameter": facts.parameters, "context": facts.context, "action": facts.action}
+    points = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
+    words = {(kind, d.name): d.words for kind, space in spaces.items() for d in space if d.words}
+
+    def cell(kind: str, name: str, value: float) -> Cell:
+        return words[kind, name][round(value)] if (kind, name) in words else value
+
     return {
         **facts.named(),
         "started": trial.started,
@@ -68,5 +74,6 @@ def _row(facts: SessionFacts, trial: TrialRecord) -> Row:
         "reward": trial.reward,
         "predicted_reward": trial.predicted_reward,
         "duration_s": trial.track.t_s[-1],
-        **{f"{kind}_{name}": value for kind, point in quantities.items() for name, value in point.items()},
+        **({"ended": trial.ended} if trial.ended else {}),
+        **{f"{kind}_{name}": cell(kind, name, v) for kind, point in points.items() for name, v in point.items()},
     }

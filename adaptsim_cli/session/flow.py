@@ -1,9 +1,9 @@
 """One iteration of a session, from the first question to the next proposal. Read from the top.
 
-`stages` plays the loop of every session (`sim.adaptation.sessions`): a trial, the adaptation, the end of an iteration.
+`stages` runs the loop of every session (`sim.adaptation.sessions`): a trial, the adaptation, the end of an iteration.
 Each is stored before the next one begins, so a session can stop or be killed between any two lines. Rules around the
-loop (`ending`), the report and the printed result belong to whoever takes the stages (`running`). The steps of a trial
-are in `rig_target` and `simulated_target`.
+loop (`ending`), the report and the printed result are in `running`, which takes the stages. The steps of a trial are in
+`rig_target` and `simulated_target`.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class RunningSession:
         self.store.mark_shown(iteration, now())
 
     def book_overhead(self, stage: str | None = None) -> None:
-        """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
+        """Count the time since the last lap for the iteration instead of a trial; all of it as `stage`, if given."""
         lap_s = self.screen.lap_s()
         spent = added(self.overhead_s, lap_s if stage is None else {stage: sum(lap_s.values())})
         self.overhead_s.clear()
@@ -147,7 +147,7 @@ class RunningSession:
 
 
 def stages(session: RunningSession) -> Iterator[Stage]:
-    """Do one missing stage of the session after the other, and yield each once it is stored and told to the watchers.
+    """Do one missing stage of the session after the other, and yield each once it is stored and the watchers know it.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable, AnswerAwaited or SessionError; completed
     stages stay stored.
@@ -227,7 +227,7 @@ def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
 
 
 def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, PlannedTrial]:
-    """An interrupted attempt as it was proposed. Raises SessionError if no file tells."""
+    """An interrupted attempt as it was proposed. Raises SessionError if no file has it."""
     proposed = session.store.proposed(stage.iteration, stage.key)
     if proposed is None:
         raise SessionError(f"trial {stage.key.number} was begun, and its proposal is missing: redo it")

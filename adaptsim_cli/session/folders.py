@@ -18,10 +18,12 @@ from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
+REPORT = "report.html"
+"""The page of a session."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
-SOLVER = "naf"
-"""The folder of a solver's own files."""
+SOLVER, FORMER_SOLVER = "solver", "naf"
+"""The folder of a solver's own files, now and in sessions of earlier versions."""
 
 _ITERATION = re.compile(r"iteration-(\d+)")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -41,6 +43,12 @@ def existing_folder(root: Path, name: str) -> Path:
         listing = ", ".join(names(root)) or "none yet"
         near = did_you_mean(name, names(root))
         raise SessionError(f"there is no session {name!r} in {root}; sessions: {listing}{near}")
+    alike = [entry.name for entry in entries(root) if entry.name.casefold() == name.casefold()]
+    if alike and name not in alike:
+        raise SessionError(
+            f"there is no session {name!r} in {root}, and its disk does not tell that name from {alike[0]!r}: use "
+            f"{alike[0]}, or a name that differs by more than capital letters"
+        )
     return folder
 
 
@@ -106,14 +114,20 @@ def session_parts(folder: Path) -> SessionFolders:
     folders = [entry for entry in entries(folder) if entry.is_dir()]
     numbered = {int(match[1]) - 1: entry for entry in folders if (match := _ITERATION.fullmatch(entry.name))}
     named = {entry.name: entry for entry in folders if not _ITERATION.fullmatch(entry.name)}
-    questions, solver = named.pop(QUESTIONS, None), named.pop(SOLVER, None)
+    questions, solver = named.pop(QUESTIONS, None), named.pop(solver_folder(folder).name, None)
     return SessionFolders(dict(sorted(numbered.items())), questions, solver, tuple(named.values()))
+
+
+def solver_folder(folder: Path) -> Path:
+    """The folder of the solver's own files in that of a session."""
+    former = folder / FORMER_SOLVER
+    return former if former.is_dir() else folder / SOLVER
 
 
 def entries(folder: Path) -> list[Path]:
     """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
 
-    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
+    Links are not followed and pipes are not opened, because files elsewhere are not part of a session.
     """
     try:
         with os.scandir(folder) as scan:

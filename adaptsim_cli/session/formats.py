@@ -69,7 +69,7 @@ class Export:
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """One format, whole: a row of `FORMATS`."""
+    """Everything about one format; a row of `FORMATS`."""
 
     suffix: str  # of the default name: .csv for a file, -mcap for a folder
     write: Callable[[Export], list[Path]]  # returns the written paths

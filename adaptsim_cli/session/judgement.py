@@ -29,7 +29,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class HeldOutScore:
-    """The final policy judged by recorded trials that the session never saw."""
+    """The final policy scored by recorded trials that the session never saw."""
 
     trials: int  # held out
     contexts: int  # in which each policy chose among them

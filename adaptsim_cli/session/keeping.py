@@ -23,7 +23,7 @@ from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import records
-from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
+from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files, session_parts, solver_folder
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -33,7 +33,7 @@ from adaptsim_cli.session.records import (
     Started,
     TrialRecord,
 )
-from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, readable
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from hw.records import AnyRecord, Record
@@ -50,16 +50,16 @@ _MARKERS: dict[str, type[Note]] = {".started.": Started, ".amended": Amendment}
 def verify(root: Path, name: str) -> Verified:
     """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
     folder_of(root, name)
+    examination = _Examination()
     try:
-        store = SessionStore.open(root, name)
+        with readable(root, name) as store:
+            examination.session(store)
     except SessionError as error:
         return Verified(session=name, files=1, damage=(str(error),), newer_keys=())
-    examination = _Examination()
-    examination.session(store)
     return Verified(
         session=name,
         files=examination.files,
-        damage=tuple(examination.damage),
+        damage=tuple(message.replace(str(store.folder), str(root / name)) for message in examination.damage),
         newer_keys=tuple(examination.newer_keys),
     )
 
@@ -264,15 +264,15 @@ def bundle(
     folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False, force: bool = False
 ) -> tuple[tuple[str, ...], int]:
     """Write the archive `out` (.zip) of the session in `folder`, damaged or not -> its files, and how many were left
-    out because they hold pictures.
+    out because they contain pictures.
 
     Folder names above the session are left out too, because they may name a person. Raises UsageError if `out` exists
     and not `force`, SessionError, DiskFull.
     """
     durable.require_new(out, force=force)
-    chosen, left_out = list[Path](), 0
+    chosen, left_out, solver = list[Path](), 0, solver_folder(folder)
     for path in own_files(folder):
-        if path.relative_to(folder).parts[0] == SOLVER:
+        if path.is_relative_to(solver):
             continue
         if path.suffix in TEXT or pictures:
             chosen.append(path)

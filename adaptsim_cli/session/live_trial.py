@@ -1,4 +1,4 @@
-"""A trial while it lives: placed and planned, moved, tracked. Its records (`records.py`) are what stays."""
+"""A running trial: placed and planned, moved, tracked. Its records (`records.py`) are stored."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class PlannedTrial(PlacedTrial):
 
 
 class Motion(Protocol):
-    """A motion that is over, with its recording. Its target alone knows the recording, and how to track it."""
+    """A motion that is over, with its recording. Only its target has the recording, and can track it."""
 
     @property
     def stopped(self) -> HardwareError | None:

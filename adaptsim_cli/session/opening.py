@@ -44,8 +44,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Provenance, SessionParts, Target
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
-from hw.types import Array
-from perception.types import ObjectTrack, Outcome
+from perception.types import Outcome
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
@@ -70,7 +69,7 @@ def open_parts(
 ) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
-    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
+    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
     robot of one's own, instead of the program or the person of the settings.
 
     NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
@@ -128,9 +127,10 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
 
 
 def _own_target(
-    config: Config, task: Task, session: Path, screen: Screen | None, answerer: Answerer | None
+    config: Config, expectations: Expectations, session: Path, screen: Screen | None, answerer: Answerer | None
 ) -> OwnTarget:
     """The target that asks and is told. Raises UsageError, NoHardware for a task that no lab can report."""
+    task = expectations.task
     task.require_report()
     if config.pace < FULL or config.realtime:
         raise UsageError("--hw own: your code decides how fast your robot moves, so leave out --pace and --realtime")
@@ -152,7 +152,7 @@ def _own_target(
             "--hw own: who answers for your robot? Name a program (--answer-with 'python my_robot.py'), or "
             "--answer-with person, or ask from Python: api.begin(..., hw='own'), session.ask (docs/guide/own-robot.md)"
         )
-    return OwnTarget(task, session, answerer, config.method)
+    return OwnTarget.of_session(task, session, answerer, config.method, expectations)
 
 
 def _adaptation(
@@ -212,12 +212,11 @@ def _open_own_or_target(
     answerer: Answerer | None,
 ) -> Iterator[_Opened]:
     """See `_open_target`; a robot of one's own is a target without devices."""
-    task = expectations.task
     if config.is_own:
-        yours = replace(_own_target(config, task, session, screen, answerer), expectations=expectations)
+        yours = _own_target(config, expectations, session, screen, answerer)
         yield yours.task, yours, yours.executable, None
         return
-    with _open_target(config, task, drivers, own, screen) as opened:
+    with _open_target(config, expectations.task, drivers, own, screen) as opened:
         yield opened
 
 
@@ -279,19 +278,14 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
         )
     if config.pace < FULL:
         raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
-    from sim.lab.world import load_world, rollouts_in
+    from sim.lab.world import load_world, rollout_in
 
     world = load_world(config.world, task)
-    roll = rollouts_in(world, task)
-
-    def rollout(context: Array, action: Array) -> ObjectTrack:
-        return roll(world.parameters, context, action, world.nuisance)
-
     duration_s = float(task.observation.times_s[-1])
     title = f"simulated target, world {world.name}"
     if world.physics != "drake":
         title += f" in {world.physics}, without arm or camera"
-    return SimulatedTarget(task.object_name, duration_s, title, rollout)
+    return SimulatedTarget(task.object_name, duration_s, title, partial(rollout_in, world, task=task))
 
 
 def _world_sha256(name_or_path: str) -> str:

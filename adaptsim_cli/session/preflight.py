@@ -57,7 +57,7 @@ def _words(settings: list[tuple[int, int]]) -> str:
 
 
 def preflight(target: Target[Any, Any], facts: SessionFacts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
-    """All checks, in the order of the screen. A device that is not ready raises nothing."""
+    """All checks, in the order of the screen. A device that is not ready raises no error."""
     return (
         Readiness("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
         _disk(folder, min_free_mb),
@@ -72,7 +72,7 @@ def rig_checks(rig: Rig) -> tuple[Readiness, ...]:
 
 
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Readiness:
-    """Never fails. A calibration older than `calibration_days` says so, and how to check it."""
+    """Never fails. If the calibration is older than `calibration_days`, a sentence says so, and how to check it."""
     detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
     detail += f", {1e3 * eye.camera_late_s:.1f} ms subtracted from the camera's time stamps"
     days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0

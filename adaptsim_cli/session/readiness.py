@@ -1,4 +1,4 @@
-"""The first screen of a command on a session: where it stands, its notes, and the checks before a motion."""
+"""The first screen of a command on a session: its progress, its notes, and the checks before a motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _trials_needed(facts: SessionFacts) -> str:
 
 
 def require_ready(session: RunningSession, config: Config, iterations: int) -> None:
-    """Show where the session stands, and check its target. Raises PreflightFailed."""
+    """Show the progress of the session, and check its target. Raises PreflightFailed."""
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.layout)

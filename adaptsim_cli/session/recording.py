@@ -63,7 +63,7 @@ class StoredFrame:
 
 
 def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
-    """Compress a frame, and decode it again for the tracker, which sees only what is stored.
+    """Compress a frame, and decode it again for the tracker, which sees only the stored pictures.
 
     Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
     """
@@ -80,7 +80,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
 
 @dataclass(frozen=True, eq=False)
 class PartialRecording:
-    """A recording in memory, whole but for the picture with the arm at home again."""
+    """A recording in memory, complete except for the picture with the arm at home again."""
 
     recording: Recording
     _file: _Mcap

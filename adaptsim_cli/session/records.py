@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from enum import IntEnum
@@ -226,7 +225,7 @@ class TrialRecord(MotionRecord):
 
     @property
     def succeeded(self) -> bool:
-        """Whether it earned more than a failure may (`FAILED`); a person's mark for dots, pills and counts."""
+        """Whether it earned more than `FAILED`, as a success or by partial credit; for dots, pills and counts."""
         return self.reward > FAILED
 
     @property
@@ -326,35 +325,48 @@ def to_toml(record: Record) -> bytes:
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """Read a record, of this version or a newer one of the same format. Raises SessionError naming file and defect."""
-    data = _table(path, is_sealed=True)
-    if (version := data.get("format", FORMAT)) not in (FORMAT, WITH_CONTROL):
-        is_newer = isinstance(version, int) and version > WITH_CONTROL
-        way = "Update adaptsim" if is_newer else f"Open it with the version that wrote it{_writer(data)}"
+    data = table(path, is_sealed=True)
+    version = data.get("format", FORMAT)
+    if isinstance(version, int) and version < FORMAT:
+        raise earlier(f"{path} is of format {version}{_writer(data)}", path.parent)
+    if version not in (FORMAT, WITH_CONTROL):
         raise SessionError(
-            f"{path} is of format {version}, and this version of adaptsim reads format {WITH_CONTROL}. {way}, or start "
-            "another session with --session"
+            f"{path} is of format {version}, and this version of adaptsim reads format {WITH_CONTROL}. Update "
+            "adaptsim, or start another session with --session"
         )
     try:
         return from_any_version(kind, data)
     except ValidationError as error:
+        if isinstance(data.get("context"), list) and "format" not in data:
+            raise earlier(f"{path} was written by an earlier version", path.parents[2]) from error
         raise corrupt(path, explained(error)) from error
 
 
+def earlier(sentence: str, folder: Path) -> SessionError:
+    """The error for the session of an earlier format in `folder`; `sentence` says by what it is known."""
+    return SessionError(
+        f"{sentence}, and this version of adaptsim reads formats {FORMAT} and {WITH_CONTROL}. `adaptsim sessions "
+        f"migrate {folder.name}` writes the session again for this version, and keeps the old one; `adaptsim report` "
+        "and --recorded read it as it is"
+    )
+
+
 def _writer(data: Mapping[str, Any]) -> str:
-    """The version that wrote a record, and the command that gets it, in brackets; "" if the record does not say."""
+    """The version that wrote a record, ", written by adaptsim 0.1.0"; "" if the record does not say."""
     versions = data.get("versions")
     version = versions.get("adaptsim") if isinstance(versions, dict) else None
-    if not isinstance(version, str):
-        return ""
-    commit = re.search(r"\+g([0-9a-f]{7,40})", version)
-    return f" ({version}{f'; in a clone of adaptsim: git checkout {commit[1]}' if commit else ''})"
+    return f", written by adaptsim {version}" if isinstance(version, str) else ""
 
 
-def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
+_UNSEALED = b"format = 1\n"
+"""The first line of the session.toml of a session without seals."""
+
+
+def table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
     """The table in a file, without its seal."""
     try:
         content = read_bytes(path, JSON_BYTES)
-        if is_sealed:
+        if is_sealed and not content.startswith(_UNSEALED):
             durable.require_seal(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
     except FileNotFoundError as error:

@@ -197,16 +197,16 @@ def _motion(rr: Any, stream: Any, trial: WholeTrial) -> None:
     played, tool_at = trial.stored.execution, tool_poses(trial.file)
     q_at = played.q_at
     for t_s, jpeg in jpegs(trial):
-        _at(stream, t_s)
+        _set_time(stream, t_s)
         stream.log(f"{CAMERA}/image", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
     for frame in trial.stored.frames:
-        _at(stream, frame.t_s)
+        _set_time(stream, frame.t_s)
         stream.log(f"{DEPTH}/image", rr.DepthImage(frame.depth_mm, meter=1000.0))
         for name, X in topics.link_frames(q_at(frame.t_s)):
             stream.log(f"base/{name}", _pose(rr, X))
         stream.log("base/tool", _pose(rr, tool_at(frame.t_s)), rr.TransformAxes3D(0.05))
     for i in range(0, len(played.t_s), 10):
-        _at(stream, played.t_start_s + float(played.t_s[i]))
+        _set_time(stream, played.t_start_s + float(played.t_s[i]))
         stream.log("joints/measured", rr.Scalars(played.q_measured_rad[i]))
         for quantity in topics.reported(played.measured):
             stream.log(quantity.name, rr.Scalars(played.measured[quantity.name][i]))
@@ -217,14 +217,14 @@ def _story(rr: Any, stream: Any, trial: WholeTrial) -> None:
     track = trial.record.track.track()
     stream.log("base/track", rr.LineStrips3D([track.state[:, :3]], colors=[(255, 190, 40)]), static=True)
     for t_s, state in zip(track.t_s, track.state, strict=True):
-        _at(stream, trial.start_s + float(t_s))
+        _set_time(stream, trial.start_s + float(t_s))
         stream.log("base/object", rr.Points3D([state[:3]], radii=[0.008], colors=[(255, 190, 40)]))
     for t_s, text, warns in trial.events():
-        _at(stream, t_s)
+        _set_time(stream, t_s)
         stream.log("events", rr.TextLog(text, level="WARN" if warns else "INFO"))
 
 
-def _at(stream: Any, t_s: float) -> None:
+def _set_time(stream: Any, t_s: float) -> None:
     stream.set_time(TIMELINE, duration=t_s)
 
 

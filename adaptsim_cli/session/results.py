@@ -31,7 +31,7 @@ def iteration_result(
     overhead_s: dict[str, float],
     lap_s: dict[str, float],
 ) -> ResultRecord:
-    """The result of the iteration that `stage` ends; `lap_s` are the seconds since its last trial, by what took them,
+    """The result of the iteration that `stage` ends; `lap_s` are the seconds since its last trial, by stage, and
     `overhead_s` those of the iteration that belong to no trial.
     """
     records = store.played(stage.iteration)

@@ -1,4 +1,4 @@
-"""A rollout from its settings to its reply: which policy acts where, the parts, the trials, the printed result."""
+"""A rollout from its settings to its reply: the policy and its contexts, the parts, the trials, the printed result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import single
 from adaptsim_cli.session.best import best_of
-from adaptsim_cli.session.folders import SOLVER
+from adaptsim_cli.session.folders import solver_folder
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
@@ -64,9 +64,11 @@ def run(
     folder = request.out or resolved.places.sessions / f"rollout-{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = folder.absolute()
     with TemporaryDirectory() as learnt, ExitStack() as stack:
-        place = folder / SOLVER if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
-        if settings.solver == DIRECT and request.best_of and not settings.is_own:
-            place = resolved.places.sessions / request.best_of / SOLVER  # where the rollouts behind its policy are kept
+        place = Path(learnt)
+        if settings.is_own:  # questions to an own robot lie beside the session
+            place = solver_folder(folder)
+        elif settings.solver == DIRECT and request.best_of:  # where the rollouts behind its policy are kept
+            place = solver_folder(resolved.places.sessions / request.best_of)
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(settings, place, screen=asking))

@@ -19,7 +19,7 @@ from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
-from adaptsim_cli.session.advice import after_iteration, go_on_with
+from adaptsim_cli.session.advice import after_iteration, answering_flags, go_on_with
 from adaptsim_cli.session.beginning import NO_CONSENT, begin
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
@@ -36,8 +36,7 @@ from adaptsim_cli.session.same_parts import same_parts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
-from hw.cores import usable_cores
-from hw.memory import return_pictures
+from hw.computer import return_pictures, usable_cores
 from hw.plugins import did_you_mean
 from sim.adaptation.stages import Show
 from sim.errors import MomentsMissing
@@ -87,7 +86,7 @@ def run_session(
     open_view: OpenView = terminal_alone,
     ending: Ending | None = None,
 ) -> Reply:
-    """Run the iterations; `draw` makes the report beside the session after each. JSON is printed as they end.
+    """Run the iterations; after each, `draw` makes the report in the background. JSON is printed as they end.
 
     It ends by the rules of the request, with the report of all that is stored. The reply has the words of `ending` and
     the report.
@@ -98,7 +97,7 @@ def run_session(
     root = resolved.places.sessions
     requested_config = anywhere(resolved.config)
     name = _meant(root, requested_config, request)
-    earlier = _known(root, name)
+    earlier = _session_named(root, name)
     if earlier is None and "task" not in request.flag_keys:
         near = did_you_mean(name, folders.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
@@ -122,8 +121,8 @@ def run_session(
             thread.submit(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         also = (AnswerRefused, MomentsMissing)
-        answer_with = config.answer_with if "answer_with" in request.flag_keys else ""
-        stack.enter_context(how_to_continue(f"Continue with: {go_on_with(name, answer_with)}", also=also))
+        answering = answering_flags(config) if "answer_with" in request.flag_keys else ""
+        stack.enter_context(how_to_continue(f"Continue with: {go_on_with(name, answering)}", also=also))
         most = request.iterations or parts.task.adaptation.horizon
         verdict = at_the_verdict if request.until_done else asked_at_the_verdict(most)
         rules = (after_iterations(most), *request.rules, verdict)
@@ -147,7 +146,7 @@ def run_session(
     results = results_of(store)
     return Reply(
         text=[*([] if words is None else [words]), views.FileLine("Report", path)],
-        next=after_iteration(store.facts, results[-1], answer_with) if results else (),
+        next=after_iteration(store.facts, results[-1], answering) if results else (),
     )
 
 
@@ -198,8 +197,8 @@ def _meant(root: Path, config: Config, request: SessionRequest) -> str:
 
 
 def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved, earlier: SessionStore | None) -> None:
-    """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's,
-    and whether a program that a file of the current folder names may run.
+    """Name the keys that a newer version wrote into an existing session. Ask whether a new session is meant if its name
+    is like another's, and whether a program that a file of the current folder names may run.
 
     Raises StoppedByOperator if not, UsageError if nobody can be asked about that program.
     """
@@ -223,7 +222,7 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> SessionFacts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
     config = anywhere(resolved.config)
     name = _meant(resolved.places.sessions, config, request)
-    if (store := _known(resolved.places.sessions, name)) is None:
+    if (store := _session_named(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
     return store.facts
 
@@ -269,7 +268,7 @@ def anywhere(config: Config) -> Config:
     return _together(config.model_copy(update=update))
 
 
-def _known(root: Path, name: str) -> SessionStore | None:
+def _session_named(root: Path, name: str) -> SessionStore | None:
     return SessionStore.open(root, name) if folders.folder_of(root, name).is_dir() else None
 
 
@@ -296,17 +295,19 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 def _opened(
     open_parts: OpenSessionParts, config: Config, folder: Path, screen: Screen, stack: ExitStack, *, begun: bool
 ) -> SessionParts:
-    """The connected parts of a session; one that was `begun` has its missing policies trained, and a new one hears
-    what its checkpoint is worth.
+    """The connected parts of a session; one that was `begun` has its missing policies trained, and for a new one the
+    quality of its checkpoint is shown.
     """
 
     def opened() -> SessionParts:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            return stack.enter_context(open_parts(config, folder / folders.SOLVER))
+            return stack.enter_context(open_parts(config, folders.solver_folder(folder)))
 
     parts = opened()
     if parts.rollouts is not None:
-        parts.rollouts.progress = partial(_shown, screen, parts.rollouts.seconds, config.workers or usable_cores())
+        parts.rollouts.progress = partial(
+            _rollout_progress, screen, parts.rollouts.seconds, config.workers or usable_cores()
+        )
     if not begun:
         for sentence in parts.worth:
             screen.plain(sentence)
@@ -316,7 +317,7 @@ def _opened(
 
 
 @contextmanager
-def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
+def _rollout_progress(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
     """A bar for rollouts that take a while."""
     if rollouts * seconds / processes < SHOWN_S:
         yield lambda done, total: None

@@ -42,7 +42,7 @@ def same_parts(store: SessionStore, parts: SessionParts, screen: Screen) -> Sess
 def changed_file(facts: SessionFacts, parts: SessionParts) -> str:
     """A sentence if the file of the task has changed since the session was begun; empty if not.
 
-    A change of its names, ranges or physics is refused with the checkpoint, so this one means nothing.
+    A change of its names, ranges or physics is refused with the checkpoint, so any other change does no harm.
     """
     file = parts.task.file
     if file is None or not facts.task_sha256 or facts.task_sha256 == file.sha256:

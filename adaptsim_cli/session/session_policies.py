@@ -47,7 +47,7 @@ def with_session_policies(checkpoint: Checkpoint, session: Path, workers: int, s
         else:
             limit_s, stage = training.time_limit_s, f"policy {name_for(mean)}, at most {training.time_limit_s:g} s"
             with screen.progress() as progress:
-                member = trained_within(task, mean, folder, limit_s, _shown(progress, stage, limit_s))
+                member = trained_within(task, mean, folder, limit_s, _share_of_limit(progress, stage, limit_s))
             if member is None:
                 screen.plain(
                     f"The training of a policy took longer than its limit of {limit_s:g} s and was stopped; the "
@@ -72,7 +72,7 @@ def trained_policies(checkpoint: Checkpoint, session: Path, workers: int, screen
     return {path.parent for path in (session / FOLDER).glob("*/policy.toml")} != before
 
 
-def _shown(progress: Callable[[str, int, int], None], stage: str, limit_s: float) -> Callable[[float], None]:
+def _share_of_limit(progress: Callable[[str, int, int], None], stage: str, limit_s: float) -> Callable[[float], None]:
     """Shows the seconds of a training as a part of its limit."""
     return lambda seconds: progress(stage, round(seconds), max(1, round(limit_s)))
 

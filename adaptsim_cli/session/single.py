@@ -46,7 +46,8 @@ class Chosen:
 
 
 def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
-    """(contexts (n, c), parameters (p,)) as typed, missing ones from the middle of the range; checks the action too.
+    """(contexts (n, c), parameters (p,)) as typed; missing ones are the middle of their range. The action is checked
+    too.
 
     Raises UsageError for a wrong name or value.
     """

@@ -6,8 +6,9 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 
 from adaptsim_cli.bench.facts import RigFacts
@@ -45,7 +46,7 @@ _CHANGES: dict[str, type[Note]] = {"restored": Note, "amended": Amendment}
 
 @dataclass(frozen=True)
 class Change:
-    """An operator's change of judgement: an attempt rejected or restored, or an outcome amended."""
+    """A change by the operator: an attempt rejected or restored, or an outcome amended."""
 
     key: TrialKey
     note: Note
@@ -85,7 +86,7 @@ class SessionStore:
         return cls(folder, facts, records.read(SessionStart, folder / START), begun_as=begun_as)
 
     def until(self, iterations: int) -> SessionStore:
-        """The first `iterations` alone, which stay as they are while the session goes on."""
+        """Only the first `iterations`, which stay as they are while the session continues."""
         return replace(self, _most=iterations)
 
     def additions(self) -> tuple[str, ...]:
@@ -124,7 +125,7 @@ class SessionStore:
                 result = self._once(ResultRecord, folder / f"result-{count}" / RESULT)
                 results[number] = result.keys
                 counted[number] = result.changes
-                if folder / _shown(count) in listed:
+                if folder / _shown_mark(count) in listed:
                     shown.add(number)
         return Existing(
             completed=frozenset(completed),
@@ -189,7 +190,9 @@ class SessionStore:
                     yield records.read(RigFacts, entry / records.RIG)
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
-        """The completed trials of an iteration that count, in order; without control trials, which teach nothing."""
+        """The completed trials of an iteration that count, in order; without control trials, from which nothing is
+        learnt.
+        """
         return tuple(trial for trial in self.played(iteration) if trial.role is not Role.CONTROL)
 
     def played(self, iteration: int) -> tuple[TrialRecord, ...]:
@@ -207,7 +210,7 @@ class SessionStore:
     def mark_shown(self, iteration: int, at: str) -> None:
         """Note that the operator has seen the newest result of this iteration."""
         folder = self.iteration_folder(iteration)
-        path = folder / _shown(_results(entries(folder)))
+        path = folder / _shown_mark(_results(entries(folder)))
         if not path.exists():
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
 
@@ -336,7 +339,7 @@ def _results(listed: Sequence[Path]) -> int:
     return max((int(match[1]) for match in matches if match), default=0)
 
 
-def _shown(count: int) -> str:
+def _shown_mark(count: int) -> str:
     return f"result-{count}.shown.json"
 
 
@@ -346,3 +349,13 @@ def _sha256(content: bytes) -> str:
 
 def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
     return {name: _sha256(content) for name, content in files.items()}
+
+
+def readable(root: Path, name: str) -> AbstractContextManager[SessionStore]:
+    """The session `name` of any format, for reading alone. One of an earlier format is read from a copy elsewhere.
+
+    Raises SessionError, UsageError.
+    """
+    migration = import_module("adaptsim_cli.session.earlier")  # on first use: sessions of this format need none of it
+    store: AbstractContextManager[SessionStore] = migration.readable(root, name)
+    return store

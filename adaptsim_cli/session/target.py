@@ -1,7 +1,7 @@
 """Where trials happen: the contract that a rig (`rig_target`) and a simulated target (`simulated_target`) fulfil.
 
 A trial is `place`, `plan`, `execute`, then `Motion.track`; each step returns the input of the next. The files of a
-motion are on the disk before it is tracked, so a trial interrupted there can continue. The devices of a rig stand in
+motion are on the disk before it is tracked, so a trial interrupted there can continue. The devices of a rig are in
 `bench.rig`.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.bench.rig import Image, Tracker
 from adaptsim_cli.config import Config
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
@@ -36,7 +36,9 @@ Planned = TypeVar("Planned", bound=PlannedTrial)
 
 
 class Target(Protocol[Placed, Planned]):
-    """The target that a session adapts to. Placed and planned trials of its own carry what its next step needs."""
+    """The target that a session adapts to. Its own types of placed and planned trials have everything that its next
+    step needs.
+    """
 
     @property
     def title(self) -> str:
@@ -52,7 +54,7 @@ class Target(Protocol[Placed, Planned]):
 
     @property
     def release(self) -> Release:
-        """The questions that let its arm move; those of nobody where there is no arm."""
+        """The questions that let its arm move; without an arm there is none."""
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
@@ -62,7 +64,7 @@ class Target(Protocol[Placed, Planned]):
         """The checks of its devices."""
 
     def goes_on(self, key: TrialKey) -> bool:
-        """Whether `execute` goes on with an interrupted attempt as it was proposed, and begins nothing again."""
+        """Whether `execute` continues an interrupted attempt as it was proposed, without beginning it again."""
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
@@ -133,16 +135,18 @@ class OpenParts(Protocol):
     ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
-        `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers
-        for a robot of one's own, instead of the program or the person of the settings. Raises SimError,
-        DeviceUnavailable, CalibrationMissing, UsageError.
+        `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
+        robot of one's own, instead of the program or the person of the settings. Raises SimError, DeviceUnavailable,
+        CalibrationMissing, UsageError.
         """
 
 
 @dataclass(frozen=True)
 class Openers:
-    """The openings that commands get from the program's entry, so that a command and its loop know contracts alone."""
+    """The openings that commands get from the program's entry, so that a command and its loop import only contracts."""
 
     parts: OpenParts
     seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]
     """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""
+    tracker: Callable[[Task], Tracker]
+    """The tracker of a task with a camera. Raises UnknownName, NoHardware."""

@@ -127,7 +127,7 @@ def adapted(
     recordings: str = "",
     look: str = "",
 ) -> RenderableType:
-    """Parameters before and after, per particle; in a narrow terminal, one table per particle.
+    """The parameters of each particle before and after; in a narrow terminal, one table per particle.
 
     `recordings` is the folder of recorded trials; "": trials happen.
     """

@@ -1,4 +1,4 @@
-"""Rewards measured with their intervals, and how far the predictions made before the trials can be believed."""
+"""Measured rewards with their intervals, and how reliable the predictions before the trials were."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Agreement:
 
     @property
     def order_in_words(self) -> str:
-        """Whether the predictions order the trials rightly, in one sentence; "" below the trials that tell."""
+        """Whether the predictions rank the trials rightly, in one sentence; "" if there are too few trials."""
         if self.quality is None or self.quality.trials < LEAST:
             return ""
         rank = self.quality.rank_correlation

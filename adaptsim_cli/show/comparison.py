@@ -189,7 +189,7 @@ def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
 
 
 def within(belief: ParameterBelief) -> str:
-    """The interval of a belief, with its unit; without one, why."""
+    """The interval of a belief, with its unit; if there is none, the reason."""
     if belief.low is None or belief.high is None:
         return COLLAPSED
     return f"{plain(belief.low)} to {plain(belief.high)} {belief.unit}".rstrip()
@@ -277,7 +277,7 @@ def compared_session(store: SessionStore) -> ComparedSession:
 
 
 def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
-    """First and last iteration as measured, and the best policy as predicted."""
+    """Measured rewards of the first and last iteration, and the predicted reward of the best policy."""
     numbered = {"first": (1, c.iterations[0]), "last": (len(c.iterations), c.iterations[-1])}
     if len(c.iterations) == 1:
         del numbered["last"]

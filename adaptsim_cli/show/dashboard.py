@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen import log
-from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.folders import REPORT, names
 from adaptsim_cli.session.keeping import ABOUT
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import index
@@ -66,7 +66,7 @@ class Dashboard:
             return None
 
     def _row(self, root: Path, name: str) -> IndexedSession | str:
-        """The row of a session, or why it has none; read again once its files have changed."""
+        """The row of a session, or the reason why it has none; read again once its files have changed."""
         version = _version(root / name)
         with self._lock:
             row_and_version = self._rows.get(name)
@@ -96,7 +96,7 @@ def _state(root: Path) -> object:
 
 def _version(folder: Path) -> object:
     """Another value once a trial, a result, a report, a note or a correction was written."""
-    parts = (log.FILE, ABOUT, index.REPORT)
+    parts = (log.FILE, ABOUT, REPORT)
     return tuple(version_of(path) for path in (*(folder / name for name in parts), *sorted(folder.glob("iteration-*"))))
 
 

@@ -29,7 +29,7 @@ ROOM_PX = 26.0
 
 
 def _every(count: int, width: float) -> int:
-    """Every which iteration has room for its number."""
+    """Every how many iterations there is room for a number."""
     return max(1, int(np.ceil(count * ROOM_PX / width)))
 
 

@@ -1,7 +1,7 @@
 """Is this your table? The first trial of a robot of one's own, over the simulator's expectation of it.
 
-Units, frames and columns of somebody else's code can be wrong in ways that no range refuses: degrees pass as radians.
-A person sees it at the first trial.
+Units, frames and columns of other people's code can be wrong although every value is in its range, for example degrees
+instead of radians. A person sees it at the first trial.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class FirstLook:
 
     @property
     def setting(self) -> str:
-        """Where its trials happen, in a word: only a task with a path on the table has one."""
+        """Where its trials are made: "table" for a task with a path on the table, else "robot"."""
         return "robot" if self.curves else "table"
 
     @property

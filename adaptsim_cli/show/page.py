@@ -23,6 +23,7 @@ from adaptsim_cli.session.advice import (
 )
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.folders import REPORT
 from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
 from adaptsim_cli.session.records import (
@@ -92,11 +93,10 @@ def write(
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
-    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the
-    rewards of trials that the best policy of the session has made since; `truth` is what a simulated session could
-    not see.
+    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the rewards
+    of trials that the best policy of the session has made since; `truth` has the hidden values of a simulated world.
     """
-    path = out if out is not None else store.folder / "report.html"
+    path = out if out is not None else store.folder / REPORT
     durable.make_folder(path.absolute().parent)
     durable.replace_file(path.absolute(), render(store, judgement, reference, confirmed, truth).encode())
     return path
@@ -202,7 +202,7 @@ def both(draw: Callable[[float], str]) -> str:
 
 
 def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
-    """What UDR earns: by the truth of a simulated world, else as a session measured it; None: not known."""
+    """The reward of UDR: by the truth of a simulated world, or as a session measured it; None: not known."""
     if facts.method == "udr":
         return None
     if truth is not None:

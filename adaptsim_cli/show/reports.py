@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Reports:
     """Writes the pages of sessions; the checkpoint of each is loaded once."""
 
-    _known: dict[str, Hindsight] = field(default_factory=dict)
+    _hindsights: dict[str, Hindsight] = field(default_factory=dict)
 
     def draw(self, store: SessionStore, out: Path | None = None) -> Path:
         """Write the page of a session and return its path. Raises SessionError.
@@ -47,23 +47,25 @@ class Reports:
         """Truth, range and belief of a simulated session; None if there is none. Raises SessionError on damage."""
         key = _key(store)
         try:
-            if key not in self._known:
-                self._known[key] = Hindsight.of(store)
+            if key not in self._hindsights:
+                self._hindsights[key] = Hindsight.of(store)
         except SimError:
             return None
-        hindsight = self._known[key]
+        hindsight = self._hindsights[key]
         return revealed(store, hindsight.checkpoint, lambda: hindsight.posterior(store))
 
     def judgement(self, store: SessionStore) -> Judgement | str:
         """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
         sha256 = _key(store)
         try:
-            if sha256 not in self._known:
-                self._known[sha256] = Hindsight.of(store)
+            if sha256 not in self._hindsights:
+                self._hindsights[sha256] = Hindsight.of(store)
         except SimError as error:
             return str(error)
         try:
-            return self._known[sha256].evaluate(store) if store.existing().completed else "No trial is complete yet."
+            return (
+                self._hindsights[sha256].evaluate(store) if store.existing().completed else "No trial is complete yet."
+            )
         except RecordingsRefused as error:
             return str(error)
 

@@ -55,7 +55,7 @@ def event(state: bytes) -> bytes:
 
 
 class LocalServer:
-    """Serves a site on this computer alone. It only reads: whatever else than GET is refused."""
+    """Serves a site on this computer alone. It only reads: every request except GET is refused."""
 
     def __init__(self, site: Site, port: int | None = None) -> None:
         self._site, self._wanted = site, port

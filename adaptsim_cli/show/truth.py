@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,7 +42,7 @@ PARALLEL_FROM_S = 5.0
 
 
 def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[], Posterior]) -> Revealed | None:
-    """Truth, range and belief of each parameter; None if simulate is no truth, no trial, or no posterior to show.
+    """Truth, range and belief of each parameter; None without a simulated truth, a trial, or a posterior to show.
 
     `posterior` makes that of the session. Raises SessionError on damage.
     """
@@ -95,7 +95,7 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
 
 
 def _unmodelled(world: World) -> list[str]:
-    """The effects in which a world differs from training, by name; pictures and steps of time are no effects."""
+    """The effects in which a world differs from training, by name; pictures and time steps are not effects."""
     if not is_dataclass(world.unmodelled):
         return []
     return [
@@ -121,7 +121,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     world.
     """
     from sim.adaptation.methods.udr import DRAWS, udr_policies
-    from sim.lab.world import rollouts_in
+    from sim.lab.world import task_in
     from sim.rollouts.draws import cover
     from sim.rollouts.executors import process_pool, serial_executor
     from sim.rollouts.run import Requests, concatenate, run_many
@@ -145,7 +145,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     path = data_folder() / "truth" / f"{hashlib.sha256(identity.encode()).hexdigest()[:24]}.npz"
     rollouts = read_rollouts(path, requests)
     if rollouts is None:
-        in_world = replace(task, simulate=rollouts_in(world, task), simulate_many=None)
+        in_world = task_in(world, task)
         began = time.monotonic()
         with serial_executor() as crew:
             first = run_many(in_world, requests[:1], crew)

@@ -31,7 +31,7 @@ def in_plain_units(one: RevealedParameter, value: float) -> str:
 
 
 def row(one: RevealedParameter) -> tuple[str, str, str, str]:
-    """Plain name, truth, range of training and belief. A unit that all share stands behind the name."""
+    """Plain name, truth, range of training and belief. A unit that all values share is written behind the name."""
     values = [one.truth, one.low, one.high, *((one.believed[0], one.believed[2]) if one.believed else ())]
     texts = [in_plain_units(one, value) for value in values]
     units, name = {text.partition(" ")[2] for text in texts}, one.plain_name
@@ -79,7 +79,7 @@ class UdrReward:
 
 
 def in_words(shown: Revealed) -> str:
-    """The worth of adapting, in two sentences."""
+    """The gain of adapting, in two sentences."""
     measured = f"{gain_in_words(shown.rewards)}; {UdrReward.true(shown).in_words}."
     if shown.method == "udr":
         return f"{measured} This session does not adapt."
@@ -101,7 +101,7 @@ def _chosen(after: int | None) -> str:
 
 
 def misses_in_words(shown: Revealed) -> str:
-    """Why the belief does not hold the truth of some parameters; "" if it holds them all."""
+    """Why the belief does not contain the truth of some parameters; "" if it contains all."""
     missed = [one for one in shown.parameters if one.believed and not _holds(one)]
     if not missed:
         return ""
@@ -113,7 +113,7 @@ def misses_in_words(shown: Revealed) -> str:
         sentences.append(f"The true {listed(beyond)} {lie} beyond the range of training.")
     if others:
         sentences.append(
-            "The belief holds the values with which the simulator of training repeats the observed motions. Values "
+            "The belief contains the values with which the training simulator reproduces the observed motions. Values "
             "that change a motion alike replace each other."
         )
     if shown.unmodelled:
@@ -159,6 +159,6 @@ def positions(one: RevealedParameter, values: Sequence[float], last: int) -> lis
 
 
 def _span(low: str, high: str) -> str:
-    """`10 to 500 kPa`: equal ends, and a unit that both share, are said once."""
+    """`10 to 500 kPa`: equal ends, and a common unit, are written once."""
     (a, _, unit), (_, _, other) = low.partition(" "), high.partition(" ")
     return low if low == high else f"{a if unit == other else low} to {high}"

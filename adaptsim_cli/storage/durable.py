@@ -1,8 +1,8 @@
 """Writing that survives power loss: a file or folder is either whole under its name or not there.
 
-Everything is written under a temporary name of its own (a leading dot), flushed to the disk, given its name, and the
-parent folder is flushed. A killed process leaves such names behind; they are never read, and `remove_leftovers` removes
-them. A record is sealed too, which reveals a later change: the end of its file holds the SHA-256 of all before it.
+Everything is written under a temporary name with a leading dot, flushed to the disk and renamed; then the parent folder
+is flushed. A killed process leaves such names behind; they are never read, and `remove_leftovers` removes them. A
+record is sealed too, which reveals a later change: its file ends with the SHA-256 of everything before.
 """
 
 from __future__ import annotations

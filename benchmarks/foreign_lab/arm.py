@@ -1,9 +1,10 @@
-"""The FR3 of the foreign lab: the maker's protocol by franky-sim, and a socket for whoever works in the room.
+"""The FR3 of the foreign lab: the maker's protocol by franky-sim, and a socket for the person and the camera in the
+room.
 
     python arm.py HOST FOLDER [BOARD_PNG]
 
-Pictures and people ask at FOLDER/arm.sock, a JSON object a line: {"do": "hold", "what": "spatula"}, {"do": "put", ...},
-{"do": "guide", "q": [...]}, {"do": "now"}, {"do": "since", "mark": n}, {"do": "truth"}.
+The camera and the person send requests to FOLDER/arm.sock, one JSON object per line: {"do": "hold", "what": "spatula"},
+{"do": "put", ...}, {"do": "guide", "q": [...]}, {"do": "now"}, {"do": "since", "mark": n}, {"do": "truth"}.
 
 A motion waits for the command of every cycle, so a busy computer makes the arm slow and not jerky. Time in a motion is
 counted in its cycles, from the first command on; that is the clock of the arm's and the camera's stamps.
@@ -42,7 +43,7 @@ GRIP_M = {"nothing": 0.0, "board": 0.005, "spatula": 0.012, "pusher": 0.024}
 
 
 class Arm:
-    """Room, protocol, and what has happened, millisecond by millisecond."""
+    """The room, the protocol, and the history in steps of a millisecond."""
 
     def __init__(self, host: str, folder: Path, board: Path | None) -> None:
         self.room = Room(TRUTH, board, folder)
@@ -160,7 +161,7 @@ class Arm:
 
 
 class Hand(FrankaGripperServer):
-    """franky-sim's hand, for two programs at once. A stop from either ends what the other had begun."""
+    """franky-sim's hand, for two programs at once. A stop from either ends a motion that the other had begun."""
 
     def __init__(self, robot: FrankaMujocoRobot, host: str, first: Hand | None = None) -> None:
         super().__init__(robot, host)
@@ -210,7 +211,7 @@ class Hand(FrankaGripperServer):
 
 
 class Server(FrankaRobotServer):
-    """franky-sim's, with the torques that the room's contacts put on the joints, and patience."""
+    """The server of franky-sim, with the torques of the room's contacts on the joints, and with longer time limits."""
 
     def __init__(self, robot: FrankaMujocoRobot, host: str, arm: Arm) -> None:
         super().__init__(robot, [host])
@@ -272,7 +273,7 @@ def answer(client: socket.socket, arm: Arm) -> None:
 
 
 def web_page(host: str) -> None:
-    """The arm's web page answers, as far as a doctor looks."""
+    """A web page of the arm that answers the doctor's requests."""
     try:
         server = socket.create_server((host, 443))
     except OSError:

@@ -4,8 +4,8 @@
 
 At FOLDER/camera.sock: {"do": "model"}, {"do": "snapshot"}, {"do": "start"}, {"do": "stop"}, a JSON line each. A picture
 is answered as a JSON line with its stamp and the sizes of JPEG, depth and infrared data, which follow. Films are drawn
-after the motion, from the states that the arm's process has kept, each with the time at which it was so. Where object
-and tool truly were in each picture of a film is written to FOLDER/truth.jsonl, a line for each film.
+after the motion, from the states that the arm's process has stored with their times. The true poses of object and tool
+in each picture of a film are written to FOLDER/truth.jsonl, one line per film.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Pictures:
         return told
 
     def _draw(self, held: str, qpos: np.ndarray, infrared: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Colour (BGR), depth in m, and what the infrared camera sees, all without noise."""
+        """The colour image (BGR), the depth in m, and the infrared image, all without noise."""
         room = self._room
         room.data.qpos[:] = qpos
         show(room.model, held, patch=room.data.joint("bottle").qpos[1] < FAR_AWAY["bottle"][1] - 0.1)

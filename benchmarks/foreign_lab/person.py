@@ -1,4 +1,4 @@
-"""Who works in the foreign lab: reads the screen, does what it asks for with their hands, and types the answers."""
+"""The person in the foreign lab: reads the screen, does by hand what it asks for, and types the answers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Person:
         return "piece" if self.task == "scooping" else "bottle"
 
     def answer(self, question: str, said: str) -> str:
-        """Do what the question asks for; what is typed then. Stops at a question that nobody has told them about."""
+        """Do what the question asks for. -> the answer to type. Stops at an unknown question."""
         self.asked.append(question)
         for words, reply in REPLIES.items():
             if words in question:

@@ -1,4 +1,6 @@
-"""Where a person guides the arm to: the board before the camera, or the spatula set down; found with MuJoCo."""
+"""The postures to which a person guides the arm, with the board before the camera or the spatula set down; computed
+with MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +79,7 @@ def set_down(
 def reach(
     room: Room, data: mujoco.MjData, name: str, target: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """(7,) joints that bring what the hand holds there, None where none were found."""
+    """(7,) joints that bring the held thing there; None if none were found."""
     model = room.model
     at = [int(model.joint(f"robot0_fr3_joint{i}").qposadr[0]) for i in range(1, 8)]
     dof = [int(model.joint(f"robot0_fr3_joint{i}").dofadr[0]) for i in range(1, 8)]

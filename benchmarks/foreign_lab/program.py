@@ -1,4 +1,4 @@
-"""The `adaptsim` program in the foreign lab: its camera has another driver, and no real-time kernel is asked for.
+"""The `adaptsim` program in the foreign lab: its camera has another driver, and no real-time kernel is required.
 
     python program.py FOLDER run-iteration --hw fr3 ...
 

@@ -1,8 +1,8 @@
 """Sessions in a lab that shares no code with the product: `python benchmarks/foreign_lab/run.py --out foreign`.
 
 Starts the arm (franky-sim's FR3 over its network protocol) and the camera (MuJoCo's renderer), then types the commands
-of the operator's guide: doctor, calibrate, touch-off, run-iteration. All that was said is in OUT/transcript.txt, truth
-against belief in OUT/found.json. A step that is done already is not done again, so a run that failed can go on.
+of the operator's guide: doctor, calibrate, touch-off, run-iteration. OUT/transcript.txt has the whole dialogue, and
+OUT/found.json the truth beside the results. A completed step is not repeated, so a run that failed can continue.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ class Lab:
         return found
 
     def _room(self, held: str) -> Room:
-        """The room as a person feels it: another model than the arm's, which nothing moves."""
+        """The room as a person perceives it: a second model, in which nothing moves."""
         room = Room(TRUTH, None, self._out)
         room.build(START_RAD)
         room.hold(held)
@@ -205,7 +205,7 @@ class Lab:
 
 
 def calibration(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
-    """The camera's pose, the joints' zeros, and what the program took its error to be."""
+    """The camera's pose, the joints' zeros, and the error that the program stated."""
     X = np.array(said["X_BC"] if "X_BC" in said else said["X_AC"])
     true = camera_pose(truth)
     apart = X[:3, :3].T @ true[:3, :3]
@@ -230,7 +230,7 @@ def calibration(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
 
 
 def touch_off(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
-    """Table and tool as believed, with what is true."""
+    """Table and tool as the program believes, beside the truth."""
     true = {
         "table_height_mm": 1e3 * table_height_m(truth, 0.68, 0.0),
         "table_tilt_x_mm_m": 1e3 * truth.table_slope[0],

@@ -1,7 +1,7 @@
 """The room of the foreign lab in MuJoCo: franky-sim's FR3, table, tools, board, objects and two cameras.
 
-Nothing of the product is imported here. The numbers are those of a lab that was built after the drawings in the
-documents, with errors that its owner does not know: `TRUTH`.
+Nothing of the product is imported here. The lab was built according to the drawings in the documents, with errors that
+its owner does not know (`TRUTH`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ PUSHER = (
 
 @dataclass(frozen=True)
 class Truth:
-    """What nobody in the lab knows. Metres, rad, in the arm's base frame."""
+    """The values that nobody in the lab knows. Metres, rad, in the arm's base frame."""
 
     camera_eye_m: tuple[float, float, float] = (1.305, 0.055, 0.705)
     camera_target_m: tuple[float, float, float] = (0.735, 0.012, 0.0)
@@ -113,7 +113,7 @@ def depth_in_colour(turned_rad: float = 0.0) -> np.ndarray:
 
 
 def tool_in_flange(name: str, truth: Truth) -> np.ndarray:
-    """(4, 4) where the tool truly hangs: a little off its drawing, about its leading edge."""
+    """(4, 4) the true pose of the tool, a little off its drawing, about its leading edge."""
     X = np.array(SPATULA if name == "spatula" else PUSHER)
     off = np.eye(4)
     off[:3, :3] = turn("y", truth.tool_pitch_rad) @ turn("x", truth.tool_roll_rad)
@@ -340,7 +340,7 @@ class Room(MujocoSimulator):
             joint.qvel[:] = 0.0
 
     def feel_patch(self) -> None:
-        """The bottle's bottom has the friction of what lies under its middle."""
+        """The bottle's bottom has the friction of the surface under its middle."""
         x, y = self.data.body("bottle").xpos[:2]
         half = PATCH_M / 2
         on = abs(x - PATCH_X_M) < half and abs(y - self.truth.patch_y_m) < half
@@ -349,7 +349,7 @@ class Room(MujocoSimulator):
 
 
 def show(model: Any, what: str, *, patch: bool = True) -> None:
-    """Only the tool that is held is seen, and touches; the patch is there or not."""
+    """Only the held tool is visible and has contacts; the patch may be there or not."""
     model.geom_group[model.geom("patch").id] = 0 if patch else 5
     for name in HELD[1:]:
         body = model.body(name)

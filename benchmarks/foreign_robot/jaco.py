@@ -45,7 +45,7 @@ TIPPED_COS = np.cos(np.deg2rad(30.0))
 
 @dataclass(frozen=True)
 class Push:
-    """What the camera of this lab would see."""
+    """The view of the camera of this lab."""
 
     t_s: Array  # (N,) from the start of the motion
     xyz_m: Array  # (N, 3) the bottle's reported point
@@ -120,7 +120,7 @@ def scene() -> Any:
 
 @cache
 def model() -> Any:
-    """The compiled scene, once a process."""
+    """The compiled scene, made once per process."""
     return scene().compile()
 
 

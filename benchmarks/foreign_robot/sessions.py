@@ -2,8 +2,8 @@
 
     PYTHONPATH=benchmarks python -m foreign_robot.sessions [--seeds 5] [--pushes 64]
 
-Five sessions of each method. Every policy is judged by `--pushes` pushes of the same arm at goals that no session saw,
-the same for all. Prints a row a session, and the means with their 95 % intervals over sessions (Student's t).
+Five sessions of each method. Every policy is scored by the same `--pushes` pushes of this arm, at goals that no session
+saw. Prints a row per session, and the means with their 95 % intervals over sessions (Student's t).
 """
 
 from __future__ import annotations

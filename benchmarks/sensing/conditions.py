@@ -1,4 +1,4 @@
-"""The conditions of the benchmark: what is changed in the lab's scene, in its pictures or in the camera's stamps."""
+"""The conditions of the benchmark: changes of the lab's scene, of its pictures or of the camera's stamps."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _defocused(picture: Picture, moment: Moment) -> Picture:
 
 
 def _clocks(rng: np.random.Generator) -> Callable[[float], float]:
-    """A device's clock with one of five faults of those that users of such cameras report."""
+    """A device's clock with one of five faults that users of such cameras report."""
     at_s = float(rng.uniform(0.2, 2.0))
     faults: tuple[Callable[[float], float], ...] = (
         lambda t_s: t_s if t_s < at_s else t_s + 0.5,  # it jumps

@@ -1,4 +1,4 @@
-"""The worlds of each condition. Under drawn light, a piece has any colour, and the camera is from good to bad."""
+"""The worlds of each condition. Under drawn light, a piece has any colour, and the camera may be good or bad."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class LitWorld:
 
     @property
     def luminance(self) -> float:
-        """Of the piece, linear; NaN for an object whose colour no camera uses."""
+        """The colour of the piece, linear; NaN if no camera uses the object's colour."""
         colour = getattr(self.world.unmodelled, "colour", None)
         return float("nan") if colour is None else float(np.dot(colour, (0.2126, 0.7152, 0.0722)))
 

@@ -38,7 +38,7 @@ CARRIED_M = 0.03  # a piece higher than this over the table as the arm is home w
 
 
 def film(task: Task, lit: LitWorld, folder: Path) -> str:
-    """Make the trial of a world. `folder` holds recording and truth then, or a reason is returned why it does not."""
+    """Make the trial of a world. Recording and truth are written into `folder`; otherwise the reason is returned."""
 
     def pool(scene: Scene) -> StagedPool:
         return StagedPool(scene, lit.condition, OBJECTS[task.name], lit.seed)
@@ -91,7 +91,7 @@ def _not_now(*_: Any) -> Detection:
 
 
 class _At:
-    """A detection at the place that is asked for."""
+    """A detection at the given place."""
 
     def __init__(self, rig: RigTarget, context: Array) -> None:
         self.xy_m = rig.tracker.placement(context)

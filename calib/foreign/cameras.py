@@ -102,7 +102,7 @@ def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Da
     """The views that each camera uses alone, and a start from those solutions."""
     chosen = [[v for v in c.views if v.name in set(s.used)] for c, s in zip(cameras, alone, strict=True)]
     flat = [view for views in chosen for view in views]
-    sights = tuple(
+    candidates = tuple(
         condense([v.name for v in views], [v.corners for v in views], c.setup.board, c.setup.colour)
         for c, views in zip(cameras, chosen, strict=True)
     )
@@ -111,7 +111,7 @@ def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Da
     forward = next((camera.forward for camera in cameras if camera.forward is not None), None)
     moved = replace(motion_of(flat, Mounting.FIXED, forward), camera=index, posture=names)
     start = Unknowns(np.stack([s.X_AC for s in alone]), alone[0].X_HM, np.zeros(moved.joints))
-    data = Data(sights, moved, sights[0].candidate(0), np.arange(len(flat)), vague=True)
+    data = Data(candidates, moved, candidates[0].candidate(0), np.arange(len(flat)), vague=True)
     return replace(data, boards=data.about(predict(start, moved))), start
 
 

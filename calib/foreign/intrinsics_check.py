@@ -53,7 +53,7 @@ class IntrinsicsCheck:
 
 
 def suspicious(solution: Solution) -> bool:
-    """Do the views disagree beyond the noise of their corners, or the corners of a view together?"""
+    """Do the views, or the corners of one view, disagree by more than the noise of the corners?"""
     noise = solution.noise
     apart = solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * noise.corner_px
     return bool(apart or noise.view_px > SMOOTH * noise.corner_px)

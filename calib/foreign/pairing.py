@@ -1,8 +1,8 @@
 """Diagnoses rejected views: pictures and poses that do not belong together, or a part that moved.
 
-Each kind of fault has its own pattern. Exchanged views fit each other's poses. After a lost or doubled picture, later
-pictures fit the pose of a neighbour. Stale joints repeat those of the previous view while the picture changes. A
-slipped target changes only its pose in the holder; a moved camera changes only its own pose.
+Each kind of fault has its own pattern. Pictures of exchanged views fit each other's poses. After a lost or doubled
+picture, later pictures fit the pose of a neighbour. Stale joints repeat those of the previous view while the picture
+changes. A slipped target changes only its pose in the holder; a moved camera changes only its own pose.
 """
 
 from __future__ import annotations
@@ -344,7 +344,7 @@ def _lost_pictures(views: Sequence[View], setup: Setup, forward: Forward | None)
 
 
 def _shift(misfits: _Crossed, i: int) -> int | None:
-    """How many places away the pose of picture i is; None if it fits none."""
+    """The number of places from picture i to its pose; None if it fits none."""
     inside = [s for s in range(-FARTHEST, FARTHEST + 1) if 0 <= i + s < len(misfits.views)]
     best = min(inside, key=lambda s: (float(misfits.px[i, i + s]), abs(s)))
     return best if misfits.px[i, i + best] < misfits.limit_px else None

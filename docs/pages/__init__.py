@@ -1,4 +1,4 @@
-"""The pages that follow from the code, one module a page; `docs/generate.py` writes them."""
+"""The pages that follow from the code, one module per page; `docs/generate.py` writes them."""
 
 import sys
 from pathlib import Path

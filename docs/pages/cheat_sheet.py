@@ -33,7 +33,7 @@ adaptsim sessions export scooping-fr3 --format csv      # every trial as a table
 
 
 def cheat_sheet() -> str:
-    """One table a panel of the help: the command, its first sentence, its example."""
+    """One table per panel of the help: the command, its first sentence, its example."""
     rows = {name: _row(name, command) for name, command in walk(typer.main.get_command(app.app), "adaptsim")}
     parts = [HEAD, GLANCE]
     for panel, commands in app.PANELS.items():

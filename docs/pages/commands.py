@@ -26,7 +26,7 @@ default. `adaptsim config show` prints every setting with its origin; [files](fi
 
 
 def commands() -> str:
-    """One section a command: what it does, usage, arguments, options, example."""
+    """One section per command: its effect, usage, arguments, options, example."""
     parts = [COMMANDS_HEAD, "## Exit codes\n", _exit_codes()]
     for name, command in walk(typer.main.get_command(app.app), "adaptsim"):
         parts.append(_command(name, command))

@@ -25,7 +25,7 @@ camera, M the board and H its holder. Times are ISO 8601.
 
 
 def files() -> str:
-    """One section a file, one table a part."""
+    """One section per file, one table per part."""
     parts = [FILES_HEAD]
     for title, text, tables in FILES:
         parts.append(f"## {title}\n\n{text}\n")
@@ -107,7 +107,7 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
 
 
 def _computed(node: ast.expr) -> str:
-    """A text as it stands in the source; "" for one that is put together there, which the class itself then tells."""
+    """A text as it is written in the source; "" if the source computes it, because then the class itself has it."""
     return str(ast.literal_eval(node)) if isinstance(node, ast.Constant) else ""
 
 

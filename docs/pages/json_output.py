@@ -52,7 +52,7 @@ Row = tuple[str, str, str]
 
 
 def json_output() -> str:
-    """One section a command; what several outputs, or an output and a file, share is described once."""
+    """One section per command; keys that several outputs, or an output and a file, share are described once."""
     models = list(dict.fromkeys(one for kind in OUTPUTS.values() for one in (kind, *_inside(kind))))
     counts = Counter(row for model in models if model not in STORED for row in _own_rows(model))
     common = {key: row for row, number in reversed(counts.most_common()) if number >= SHARED_BY for key in row[:1]}
@@ -110,7 +110,7 @@ def _own_rows(model: type[BaseModel]) -> list[Row]:
 
 
 def _stored() -> Iterator[tuple[type[BaseModel], tuple[str, str]]]:
-    """The models that files hold too, with the file and the heading of the table that describes them there."""
+    """The models that are also stored in files, with the file and the heading of the table that describes them there."""
     for file, _, tables in FILES:
         for heading, module, name in tables:
             if heading:

@@ -36,7 +36,7 @@ def simulated(friction: Array | float, action: Array) -> Array:
 
 
 def real(action: Array) -> Array:
-    """The end of the object in reality: it slides less the harder it is pushed."""
+    """The end of the object in reality: the harder it is pushed, the more it falls behind a simulator."""
     return np.asarray(1.25 * action - 0.55 * action**2)
 
 

@@ -20,6 +20,7 @@ from adaptsim_cli.bench.doctor import separation
 from adaptsim_cli.bench.rig_file.description import PersonPart
 from hw import braking, stopping, watchdog
 from pages import ROOT
+from pages.sealed import sealed_entry, sealed_summary
 
 SESSIONS, STOPS = ROOT / "docs/results/sessions.csv", ROOT / "docs/results/motion.md"
 FILLED = re.compile(r"(?P<old>[+−-]?\w[\w.-]*)(?P<share> %)?<!--= (?P<expression>.*?) -->")
@@ -54,7 +55,7 @@ def hand_written() -> list[Path]:
 
 
 def _written(value: float, old: str, *, is_share: bool) -> str:
-    """`value` in the way of the number that it replaces, with a true minus."""
+    """`value` in the format of the number that it replaces, with a true minus."""
     decimals = len(old.partition(".")[2])
     sign = "+" if old[0] in "+−-" else ""
     return f"{100.0 * value if is_share else value:{sign}.{decimals}f}".replace("-", "−")
@@ -81,14 +82,16 @@ def mean(part: str, method: str, world: str = "", *, after: int = 0, sessions: i
 
 
 def gains(part: str, over: str = "udr") -> Rewards:
-    """What `adaptsim` earns more than another method in each world."""
+    """The reward of `adaptsim` minus that of another method in each world."""
     other = _rewards(part, over, 0, 1_000)
     return {world: reward - other[world] for world, reward in _rewards(part, "adaptsim", 0, 1_000).items()}
 
 
 @cache
 def lead(part: str, over: str = "udr", *, end: int = 0) -> float:
-    """What `adaptsim` earns more in the same worlds with the same seeds; `end` −1 and 1: the ends of its 95 % interval."""
+    """The mean reward of `adaptsim` minus that of another method, in the same worlds with the same seeds; `end` −1 and
+    1: the ends of its 95 % interval.
+    """
     ours, theirs = (results.by_world(_sessions(part), method) for method in ("adaptsim", over))
     units = np.array([np.mean([ours[w][s] - reward for s, reward in seeds.items()]) for w, seeds in theirs.items()])
     return results.interval(units)[end > 0] if end else float(units.mean())
@@ -96,7 +99,9 @@ def lead(part: str, over: str = "udr", *, end: int = 0) -> float:
 
 @cache
 def change(part: str, before: str, method: str, *, sessions: int = 1_000, end: int = 0) -> float:
-    """What a method earns more in the worlds of a part than before in the same worlds; `end` as of `lead`."""
+    """The mean reward of a method in the worlds of a part minus that in an earlier part with the same worlds; `end` as
+    in `lead`.
+    """
     now, then = (_rewards(one, method, 0, sessions) for one in (part, before))
     units = np.array([reward - then[world] for world, reward in now.items()])
     return results.interval(units)[end > 0] if end else float(units.mean())
@@ -119,6 +124,27 @@ def least_world(part: str) -> str:
     return min(gains(part), key=gains(part).__getitem__)
 
 
+def sealed(name: str, entry: str = "adaptsim", *, end: int = 0) -> float:
+    """Mean reward in a sealed benchmark, such as `pushing-drawn`; `end` −1 and 1: the ends of its 95 % interval."""
+    one = sealed_entry(name, entry)
+    return one.ci95[end > 0] if end else one.reward
+
+
+def sealed_lead(name: str, entry: str, *, end: int = 0) -> float:
+    """What `adaptsim` earns more in a sealed benchmark, paired by world; `end` as of `sealed`."""
+    one = sealed_entry(name, entry)
+    return one.behind_ci95[end > 0] if end else one.behind
+
+
+def sealed_worlds(name: str) -> int:
+    return len(sealed_summary(name)[1].worth)
+
+
+def sealed_need(name: str) -> int:
+    """How many worlds of a sealed benchmark need an action of their own."""
+    return len(sealed_summary(name)[1].need)
+
+
 def stops() -> list[tuple[str, str, str, str]]:
     """(task, arm, time in s, travel in cm) of the table of shipped motions, which a slow test computes again."""
     row = r"^\| (scooping|pushing), (Panda|FR3) \| (0\.\d\d) s \| (\d+) cm \|$"
@@ -136,6 +162,7 @@ def farthest_stop_cm() -> float:
 NAMES: Mapping[str, Any] = {
     **{one.__name__: one for one in (mean, lead, change, gaining, worlds, least, least_world)},
     **{one.__name__: one for one in (longest_stop_s, farthest_stop_cm)},
+    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need)},
     **{name: value for module in (braking, stopping, watchdog, separation) for name, value in vars(module).items()},
     "default_side_m": PersonPart("left").from_m,
 }

@@ -17,7 +17,7 @@ Written by `make docs` from the tasks. What each word means: [glossary](../start
 
 
 def parameters() -> str:
-    """One section a task, one table a space."""
+    """One section per task, one table per space."""
     parts = [PARAMETERS_HEAD]
     for name in TASKS:
         task = get_task(name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,20 +44,23 @@ WHOSE = {
     "udr-mean": "fixed rule: best mean over Ω",
 }
 
+FEWEST = 4
+"""Fewer worlds have no interval on the page: with two, it would be wider than all possible rewards."""
+
 SEALED_HEAD = """# Sealed benchmark
 
-Worlds of a seed that nobody chose and that was opened once, after the code was frozen. The rules are in [the reference](../reference/benchmark.md#sealed-worlds). This page is written from `docs/results/sealed/` by `make docs`.
+The worlds come from a random seed that nobody chose. They were opened once, after the code was frozen ([rules](../reference/benchmark.md#sealed-worlds)). `make docs` writes this page from `docs/results/sealed/`.
 
-*Reward*: the mean reward of the final policy over the worlds, with its 95 % interval (Student's t). *`adaptsim` minus it*: paired by world. A world is *in need* if its best action earns at least 0.1 more than the best fixed rule. One training seed.
+*Reward* is the mean reward of the final policy over the worlds, with its 95 % interval (Student's t). *`adaptsim` minus it* is paired by world. A world is *in need* if its best action earns at least 0.1 more than the best fixed rule. All entries use one training seed.
 """
 
 OWN_HEAD = """# What there is to adapt
 
-A session can gain only what an action of its own is worth: the reward of the best action for one world, minus that of the best rule that needs no trial. This page says how much that is. It is written by `make docs` from `docs/results/own-actions.json` (`python benchmarks/own_actions.py`), `docs/results/sessions.csv` and the [sealed benchmark](sealed.md).
+A session can gain at most the *worth* of an own action for each world: the reward of the best action for that world, minus that of the best fixed rule, which needs no trial. This page gives the worth. `make docs` writes it from `docs/results/own-actions.json` (`python benchmarks/own_actions.py`), `docs/results/sessions.csv` and the [sealed benchmark](sealed.md).
 
 ## By the simulator
 
-128 truths in Ω, and 128 in the margin beyond it. The fixed rule has one action for each context; it is chosen in one half of the truths and scored in the other. In the contact tasks the emulator answers, and its best of 384 actions is a little too high.
+The table compares 128 true parameter vectors in Ω, and 128 in the margin beyond it. The fixed rule has one action for each context; it is chosen with one half of the truths and scored with the other. In the contact tasks the emulator predicts the rewards, so the best of 384 actions is a little too high.
 
 | | best fixed rule | own action | worth | truths in need |
 | --- | --- | --- | --- | --- |
@@ -74,13 +78,13 @@ PLACES = {"omega": "in Ω", "beyond": "in the margin beyond Ω"}
 OWN_TAIL = """
 ## What follows
 
-* **Pushing** is the task that needs adapting: about a quarter of the truths and of the drawn worlds need an action of their own, and their rule is known before a trial only in part.
+* **Pushing** is the task that needs adapting: about a quarter of the truths and of the drawn worlds need an action of their own, and the best action is only partly known before a trial.
 * **The pendulum** needs it in most of Ω, and nearly everywhere beyond. But its simulator is exact, so one trial without noise fixes the parameters, and least squares does as well as `adaptsim`.
-* **Scooping** has little to adapt inside Ω, and the drawn worlds agree. In the drawn foods the worth is large only against UDR, whose one action is unlucky there: a fixed pitch rate of 0.04 to 0.08 rad/s earns 0.91 ([one fixed action](../results.md#one-fixed-action-for-all-foods)), and the action that the second particle plays before any trial earned 0.935 in one scoop in each food (0.919 to 0.950), where `adaptsim` earns 0.944 after twenty trials. So a session finds a good action quickly there; it does not find a different one for each food.
+* **Scooping** has little to adapt inside Ω and in the drawn worlds. In the drawn foods the worth is large only compared with UDR, whose one action is unlucky there. A fixed pitch rate of 0.04 to 0.08 rad/s earns 0.91 ([one fixed action](../results.md#one-fixed-action-for-all-foods)). The action that the second particle chooses before any trial earned 0.935 in one scoop in each food (0.919 to 0.950), and `adaptsim` earns 0.944 after twenty trials. So there a session quickly finds a good action, but not a different one for each food.
 
 ### Why UDR is unlucky in the foods
 
-Training bevels the turner to 0.2 mm; a real one is blunt. In 256 rollouts with a blunt edge (lip 1.1 mm, 3 kN/m, step 1 ms), spread over the margin and all actions, an early lift is the worst choice. For the same 256 trials the shipped emulator, which knows only the bevel, calls it the best:
+In training the turner is bevelled to 0.2 mm, but a real one is blunt. In 256 rollouts with a blunt edge (lip 1.1 mm, 3 kN/m, time step 1 ms), spread over the margin and all actions, an early lift is the worst choice. For the same 256 trials the shipped emulator, which knows only the bevelled edge, predicts that it is the best:
 
 | pitch rate, rad/s | rollouts | blunt edge | emulator, bevelled edge | difference |
 | --- | --- | --- | --- | --- |
@@ -90,11 +94,15 @@ Training bevels the turner to 0.2 mm; a real one is blunt. In 256 rollouts with 
 | 0.04 to 0.12 | 43 | 0.70 (± 0.12) | 0.52 | +0.18 (± 0.09) |
 | 0.12 to 0.24 | 64 | 0.67 (± 0.10) | 0.51 | +0.16 (± 0.07) |
 
-(95 %, 1.96 standard errors.) The difference grows with the pitch rate by 0.96 (± 0.28) per rad/s, p < 10⁻⁹. So the simplified edge makes most of UDR's loss in the foods, as an earlier probe of Ω had found. A training at full size with the blunt edge, and a control of equal size, have not been run. The table:
+Intervals are 95 % (1.96 standard errors). The difference grows with the pitch rate by 0.96 (± 0.28) per rad/s, p < 10⁻⁹. So most of UDR's loss in the foods comes from the simplified edge, as an earlier test in Ω had shown. This command makes the table:
 
     python benchmarks/blunt_edge.py
 
-A training in that scene is possible now: `adaptsim pretrain --object FILE.toml` with an [object file](../guide/own-objects.md) whose effect is `edge = [0.0011, 3000.0]`.
+**Not measured:** what a training with the blunt edge earns. No checkpoint of it ships, and no control of equal size was trained. A rollout with this edge needs a step of 1 ms, and costs three times as much. This command trains one:
+
+    adaptsim pretrain --task scooping --object FILE.toml
+
+FILE.toml is an [object file](../guide/own-objects.md) with `edge = [0.0011, 3000.0]` below `[effects]`. Single sessions can use the result (`adaptsim run-iteration --object FILE.toml`). `adaptsim benchmark` takes no object file, so the comparison over the forty foods has no command yet.
 """
 
 
@@ -102,7 +110,7 @@ def sealed() -> str:
     """`docs/results/sealed.md`."""
     text = SEALED_HEAD
     for path in sorted(STORED.glob("*.json")):
-        text += "\n" + "\n".join(_benchmark(json.loads(path.read_text(encoding="utf-8")), path.name)) + "\n"
+        text += "\n" + "\n".join(_benchmark(path.stem)) + "\n"
     return text
 
 
@@ -119,13 +127,27 @@ def own_actions() -> str:
     return text + "\n" + "\n".join(_drawn_sets()) + "\n" + OWN_TAIL
 
 
-def _benchmark(stored: dict[str, Any], file: str) -> Iterator[str]:
+@cache
+def sealed_summary(name: str) -> tuple[dict[str, Any], SealedSummary]:
+    """A stored benchmark, such as `pushing-drawn`, and its summary."""
+    stored = json.loads((STORED / f"{name}.json").read_text(encoding="utf-8"))
     rows = [
         BenchmarkRow(stored["task"], "sealed", world, entry, seed, reward, (0.0, 1.0), 0, 0, 0.0, ((0, reward),), shown)
         for world, entry, seed, reward, shown in stored["rows"]
     ]
     summary = by_strata(rows)
-    assert summary is not None, f"{file} lacks adaptsim, a fixed rule or a limit"
+    assert summary is not None, f"{name} lacks adaptsim, a fixed rule or a limit"
+    return stored, summary
+
+
+def sealed_entry(name: str, entry: str) -> StratumSummary:
+    """An entry of a stored benchmark in all its worlds."""
+    _, summary = sealed_summary(name)
+    return next(one for one in summary.strata if (one.stratum, one.entry) == (STRATA[0], entry))
+
+
+def _benchmark(name: str) -> Iterator[str]:
+    stored, summary = sealed_summary(name)
     yield f"## {stored['task'].capitalize()}"
     yield ""
     yield (
@@ -165,9 +187,9 @@ def _stratum(stratum: str, ones: Sequence[StratumSummary]) -> Iterator[str]:
     yield "| entry | whose | reward | 95 % | `adaptsim` minus it | 95 % | most in a world |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
     for one in sorted(ones, key=lambda one: -one.reward):
-        interval = _between(one.ci95) if count > 1 else ""
+        interval = _between(one.ci95) if count >= FEWEST else ""
         paired = "" if one.entry == "adaptsim" else _signed(one.behind)
-        around = "" if one.entry == "adaptsim" or count < 2 else _between(one.behind_ci95, sign=True)
+        around = "" if one.entry == "adaptsim" or count < FEWEST else _between(one.behind_ci95, sign=True)
         most = "" if one.entry == "adaptsim" else _signed(one.most_behind)
         yield f"| `{one.entry}` | {WHOSE[one.entry]} | {one.reward:.3f} | {interval} | {paired} | {around} | {most} |"
     yield ""
@@ -178,11 +200,12 @@ def _drawn_sets() -> Iterator[str]:
     yield ""
     yield (
         "The limit of a world is the better of its best action and its best E, both chosen by trials that no score "
-        "uses. The sessions and UDR are those of [every method](methods.md), before UDR chose its actions with more "
-        f"care. *In need*: the limit earns at least {NEED:g} more than UDR."
+        "uses. The sessions and UDR are those of [every method](methods.md), from before [decision "
+        "18](../decisions/0018-refine-where-the-weight-is.md) changed UDR's choice of actions. "
+        f"*In need* means that the limit earns at least {NEED:g} more than UDR."
     )
     yield ""
-    yield "| | UDR | limit | worth over UDR | in need | `adaptsim` gains there | and in the others |"
+    yield "| | UDR | limit | worth over UDR | in need | gain of `adaptsim` there | gain in the others |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
     with SESSIONS.open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))

@@ -1,6 +1,6 @@
 """A thread that takes every image off the camera as it comes, so that none waits in the driver until it is dropped.
 
-It keeps the newest one, and all of them while a recording runs. ctypes lets other threads run while libk4a waits.
+It keeps the newest image, and during a recording all of them. While libk4a waits, ctypes lets other threads run.
 
 It maps the camera's own clock to the clock of this machine. The device stamps the middle of each exposure with its own
 clock; the host stamps the arrival of the image. The difference is the offset of the two clocks plus a varying, never
@@ -189,7 +189,7 @@ class Grabber:
         return None if captured is None else captured.jpeg
 
     def keep_from(self, t_s: float) -> None:
-        """Begin a recording at `t_s`. Raises CameraError when one runs, or the camera is gone."""
+        """Begin a recording at `t_s`. Raises CameraError if a recording runs already, or the camera is gone."""
         with self._changed:
             if self._kept is not None:
                 raise CameraError("the camera is recording already: call stop_recording first")

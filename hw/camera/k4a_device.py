@@ -189,7 +189,7 @@ class K4aDevice:
 
 
 def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Capture | None:
-    """Copy a capture; None where colour or depth is missing, or infrared where it is asked for.
+    """Copy a capture; None if colour or depth is missing, or if infrared is wanted and missing.
 
     `now_s` is the host's monotonic time. It replaces the library's arrival stamp if that is missing or comes from
     another clock (recordings, Orbbec's library). Raises CameraError on a format that was not asked for.

@@ -1,4 +1,4 @@
-"""libk4a through ctypes: where it is, its numbers and memory layouts, and the prototypes of the functions in use.
+"""libk4a through ctypes: its place, its numbers and memory layouts, and the prototypes of the functions in use.
 
 Numbers and layouts are those of libk4a 1.4's header k4atypes.h (little endian, 64 bit). Orbbec's K4A-compatible
 library has the same ones.
@@ -179,7 +179,7 @@ class K4aLibrary(Protocol):
 
 
 def library_file() -> str | None:
-    """The file to load: named by the environment, else from the usual folders or the loader; None: not found."""
+    """The file to load, which the environment names or which lies in the usual folders; None if it is not found."""
     if named := os.environ.get(ENVIRONMENT):
         return named
     for folder in _FOLDERS:

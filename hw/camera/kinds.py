@@ -41,7 +41,12 @@ def _complaint(_: str, kind: object) -> str:
 
 
 CAMERAS = Registry[CameraKind](
-    "camera", "adaptsim.cameras", "CAMERA", KINDS, DeviceUnavailable, lambda kind: kind, _complaint
+    label="camera",
+    group="adaptsim.cameras",
+    attribute="CAMERA",
+    ours=KINDS,
+    error=DeviceUnavailable,
+    complaint=_complaint,
 )
 
 

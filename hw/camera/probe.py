@@ -138,7 +138,7 @@ def look_realsense(devices: Sequence[Any]) -> ProbeReport:
     for index, device in enumerate(devices):
         details = {key: device.get_info(key) for key in (info.serial_number, info.firmware_version)}
         usb = device.get_info(info.usb_type_descriptor) if device.supports(info.usb_type_descriptor) else ""
-        why = f"it is at a USB {usb} port, too slow for colour and depth" if usb.startswith("2") else None
+        why = f"it is at a USB {usb} port, which is too slow for colour and depth" if usb.startswith("2") else None
         listing.append(FoundDevice(index, details[info.serial_number], details[info.firmware_version], why))
     usable = any(device.error is None for device in listing)
     error = None if usable else listing[0].error if listing else f"{REALSENSE} finds no camera"

@@ -119,7 +119,7 @@ class CameraProcess:
         return _decoded(shot)
 
     def start_recording(self) -> None:
-        """Raises CameraError when one runs, or the camera is gone."""
+        """Raises CameraError if a recording runs already, or the camera is gone."""
         with self._line:
             self._send(Call("start_recording"))
             self._receive(self._answer_s)
@@ -139,7 +139,7 @@ class CameraProcess:
             return tuple(pool.map(_decoded, shots))
 
     def newest(self) -> NDArray[np.uint8] | None:
-        """See `hw.ports.Camera`. A driver that hangs is found out here too; the next call of the session says so."""
+        """See `hw.ports.Camera`. This also notices a driver that hangs, and the session's next call reports it."""
         if not self._line.acquire(blocking=False):
             return None
         try:
@@ -154,7 +154,7 @@ class CameraProcess:
             self._line.release()
 
     def _connecting(self, child: Child) -> Any:
-        """The answer to `open`: model and facts. A step that it takes is awaited for `step_s`."""
+        """The answer to `open`: model and facts. Each of its steps may take `step_s`."""
         doing = "it starts"
         while True:
             began_s = time.monotonic()

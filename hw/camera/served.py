@@ -1,4 +1,4 @@
-"""The process that speaks to the camera: `python -m hw.camera.served`. A driver that hangs hangs here alone.
+"""The process that speaks to the camera: `python -m hw.camera.served`. If a driver hangs, only this process hangs.
 
 It ends with the program: at once if idle, within a second if the driver blocks it.
 """
@@ -127,7 +127,7 @@ class LiveCamera:
         return self._running.shot_after(self._now_s())
 
     def start_recording(self) -> None:
-        """Raises CameraError when one runs, or the camera is gone."""
+        """Raises CameraError if a recording runs already, or the camera is gone."""
         self._running.keep_from(self._now_s())
 
     def end_film(self) -> CameraRecording:
@@ -210,7 +210,7 @@ def main(connection_fd: str, pipe_fd: str, maker: str) -> None:
 
 
 def loaded(maker: str, now_s: Callable[[], float]) -> Device:
-    """`Make`: by the one called module:name. Raises DeviceUnavailable with the reason if it cannot be imported."""
+    """A `Make` that calls the one named module:name. Raises DeviceUnavailable with the reason if that fails."""
     module, _, name = maker.partition(":")
     try:
         make: Make = getattr(import_module(module), name)

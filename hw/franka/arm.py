@@ -282,7 +282,8 @@ class FrankaArm:
         return self._player
 
     def _recognise(self, player: Player) -> None:
-        """See that the arm is of the model that every check counts on; of its joint limits the narrower count.
+        """Check that the arm is of the model that every check assumes; of its joint limits and ours the narrower ones
+        count.
 
         Raises DeviceUnavailable for another model, and Failure.
         """
@@ -332,8 +333,8 @@ def _listed(values: list[float]) -> str:
 
 @contextmanager
 def _heard() -> Iterator[None]:
-    """Without Python's garbage collection: a full one takes 0.15 s in a session's process, and meanwhile the pedal is
-    not heard by the program, nor the program by the player.
+    """Python's garbage collection is off meanwhile. A full one takes 0.15 s in a session's process; during it the
+    program would not read the pedal, and the player would get no word from the program.
     """
     was_enabled = gc.isenabled()
     gc.disable()

@@ -172,7 +172,7 @@ class Connection:
         return Rhythm(states, missed, gap_s, version, real_time.priority())
 
     def report(self) -> ArmReport:
-        """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
+        """The arm's description of itself, as far as its SDK passes it on. Nothing moves, and no setting changes."""
         robot, alone = self._robot, [*PACKAGES.values()].count(PACKAGES[self._model]) == 1
         urdf = ""
         unreadable: tuple[type[Exception], ...] = (*self._errors, ValueError)
@@ -192,10 +192,10 @@ class Connection:
         return ArmReport(np.array(state.q), matrix, load, urdf)
 
     def prepare(self, checked_s: float) -> None:
-        """Give the arm its settings, before every motion, and see that it took them; nothing has moved.
+        """Give the arm its settings, before every motion, and check that it accepted them; nothing has moved.
 
-        `checked_s`: when the motion was checked (arm's clock). Raises `Failure` where the arm's mode is another than
-        Idle, or was since; and where load or hand are others than expected.
+        `checked_s`: when the motion was checked (arm's clock). Raises `Failure` if the arm's mode is not Idle, or was
+        not Idle since then, and if its load or hand is not the expected one.
         """
         self._require_idle(checked_s)
         try:
@@ -209,7 +209,7 @@ class Connection:
     def rehearse(self, starts: int, readings: int) -> Rehearsal:
         """Do everything that comes before a motion, `starts` times, then take `readings` states at rest. Nothing moves.
 
-        Raises `Failure`, also where the arm's mode is another than Idle.
+        Raises `Failure`, also if the arm's mode is not Idle.
         """
         pauses_s, took_s = [], []
         for _ in range(starts):
@@ -227,7 +227,9 @@ class Connection:
         return Rehearsal(starts, max(pauses_s), max(took_s), 1e-3 * readings, wander_rad)
 
     def drive(self, step: Step) -> None:
-        """Call `step` every millisecond until it says that its joints are the last. A Failure of it ends the motion."""
+        """Call `step` every millisecond until it says that its joints are the last. If it raises a Failure, the motion
+        ends.
+        """
         phase: Phase = STARTING
 
         def cycle(state: SdkState, since_s: float) -> tuple[list[float], bool]:
@@ -267,7 +269,7 @@ class Connection:
             raise self._failure(error) from error
 
     def _lower_priority(self, kind: str) -> None:
-        """After libfranka took the highest one. Raises Failure of this kind."""
+        """Called after libfranka has taken the highest priority. Raises Failure of this kind."""
         try:
             self._take_priority()
         except DeviceUnavailable as error:
@@ -276,7 +278,7 @@ class Connection:
     def _configure(self) -> None:
         """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk.
 
-        After each command the states are read that came meanwhile, so that each answer is a pause of its own.
+        After each command, the states that came meanwhile are read, so that each answer counts as a separate pause.
         """
         robot, collision = self._robot, self._settings.collision
         robot.set_collision_behavior(

@@ -1,4 +1,4 @@
-"""What libfranka says of its network and of refused commands, in words: the cause, and the next step.
+"""Explains libfranka's messages about its network and about refused commands, by the cause and the next step.
 
 The sentences are those in the libraries of both SDKs (`tests/hw/franka/test_explanations.py` reads them there); the
 causes are the maker's documentation and its users' reports, by the numbers of the issues of libfranka.

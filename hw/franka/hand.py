@@ -41,7 +41,7 @@ OPEN, STATE, WIDTHS, GRASP = "open", "state", "widths", "grasp"
 class NothingGrasped(HandError):
     """The hand closed, and nothing of the expected width was between its fingers.
 
-    The width that it reports afterwards says nothing: it may have opened again.
+    The width that the hand reports afterwards is not evidence, because it may have opened again.
     """
 
 
@@ -130,7 +130,7 @@ class FrankaHand:
         return time.monotonic(), width_m
 
     def stop(self) -> None:
-        """End what another connection has the fingers do. Raises DeviceUnavailable."""
+        """End a motion of the fingers that another connection has begun. Raises DeviceUnavailable."""
         gripper = self._connected()
         try:
             gripper.stop()

@@ -5,8 +5,8 @@ the program. It stops the hand through a second worker with a connection of its 
 for it, is silent for 60 ms, or has ended. A worker that goes on nevertheless is killed with its connection.
 
 A third worker, if the hand takes a third connection, reads the width while the fingers move: a stop may be accepted and
-ignored (`hw.franka.hand_stop`), and after a grasp that failed they may have opened again. Without it the second one
-reads the width after a stop.
+ignored (`hw.franka.hand_stop`), and after a grasp that failed they may have opened again. If there is no third
+connection, the second one reads the width after a stop.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Poller:
         self._worker = worker
 
     def read(self, for_s: float) -> Widths:
-        """See `Reader`; widths of the time before are not known."""
+        """See `Reader`; earlier widths are not known."""
         rows, until_s = list[tuple[float, float]](), time.monotonic() + for_s
         with suppress(ChildGone):
             while not rows or rows[-1][0] < until_s:
@@ -124,7 +124,9 @@ class Keeper:
         self._ended = False
 
     def ask(self, call: Call) -> Answer:
-        """Have the worker do it, and stop it if the program wants that. A worker that ended is not restarted."""
+        """Pass the request to the worker, and stop the worker if the program wants that. A worker that ended is not
+        restarted.
+        """
         if self._ended:
             return DeviceUnavailable("the hand was stopped in the middle of a command: connect again, and home it")
         try:

@@ -105,7 +105,7 @@ class HandProcess:
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
     def _interrupted(self, child: Child) -> str:
-        """Stop the fingers; what they did, for a person."""
+        """Stop the fingers. -> a sentence for a person about how they stopped."""
         try:
             child.send_word(REQUESTED)
             answer = child.receive() if child.answers(_STOPPED_S) else None
@@ -117,7 +117,7 @@ class HandProcess:
             return "the hand had ended its command"
         if isinstance(answer, Stopped | HandError):
             return str(answer.error() if isinstance(answer, Stopped) else answer)
-        return f"nobody knows whether the fingers of the hand stand ({answer or 'no answer'}): look at it"
+        return f"it is not known whether the hand's fingers stand still ({answer or 'no answer'}): look at the hand"
 
     def _told(self, answer: Any) -> HandState:
         if isinstance(answer, HandState):

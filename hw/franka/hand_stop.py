@@ -1,4 +1,4 @@
-"""Whether a stop stopped the fingers: the widths around it, and the sentence about it.
+"""Decides whether a stop worked, by the widths before and after it, and says so in a sentence.
 
 The Franka Hand may take a stop and go on (libfranka's issues 18, 28, 52 and 111), or answer it only once its fingers
 have arrived. So only the width that the hand reports afterwards says whether they stand.
@@ -35,7 +35,7 @@ _CARE = (
 
 @dataclass(frozen=True)
 class Stopped:
-    """The answer to a command that was stopped, and what the fingers did then."""
+    """The answer to a command that was stopped, and the motion of the fingers after it."""
 
     why: str  # a key of `hw.watchdog.IN_WORDS`
     after_s: float  # from the request to stop until the hand accepted it

@@ -1,4 +1,4 @@
-"""Which arm is connected, and how far its joints may go, told from what the arm itself reports.
+"""Finds the model of the connected arm, and the limits of its joints, from the arm's own report.
 
 * The version of its research interface tells a Panda (5) from both FR3s (10); libfranka refuses any but its own.
 * libfranka builds its dynamics from the description (URDF) that an FR3 sends. Its mass matrix tells FR3 and FR3 v2
@@ -35,7 +35,7 @@ LONGEST_URDF = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class ArmReport:
-    """What an arm says of itself at rest."""
+    """The report of an arm at rest about itself."""
 
     q_rad: Array = field(default_factory=lambda: np.zeros(JOINTS))  # (7,) at which `mass_kg_m2` holds
     mass_kg_m2: Array | None = None  # (7, 7) its mass matrix with its load; None: not reported
@@ -78,9 +78,9 @@ def identify(configured: str, report: ArmReport) -> Identity:
 
 
 def unsure(configured: str, identity: Identity) -> str:
-    """The sentence for an operator where the arm does not tell its model."""
+    """The sentence for an operator if the model cannot be told from the arm's report."""
     return (
-        f"the arm does not tell which model it is ({identity.why}): compare its type plate with the rig file. The "
+        f"the arm's report does not show its model ({identity.why}): compare its type plate with the rig file. The "
         f"limits, masses and shape of {TITLES[configured]} apply ({configured}); another model may need other torques"
     )
 

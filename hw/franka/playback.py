@@ -100,7 +100,7 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or "".
+    """`step` is called in every cycle of the arm. `stop_reason` returns the reason to stop now, or "".
 
     `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
     the program sent the motion, on the clock `awake`; None: now. `held_rad` is how far the held joints may be from the
@@ -262,7 +262,9 @@ def _nonsense(state: SdkState, low_rad: Sequence[float], high_rad: Sequence[floa
 
 
 def _elapsed(dt_s: float) -> int:
-    """Milliseconds of the path in the time since the last cycle. Raises Failure for a gap, and a clock that stands."""
+    """Milliseconds of the path in the time since the last cycle. Raises Failure for a gap, and for a clock that stands
+    still.
+    """
     if 0.0 < dt_s < GAP_S + 0.0005:
         return round(dt_s * PATH_RATE_HZ)
     if dt_s > 0.0:
@@ -310,7 +312,7 @@ class _Between:
 
 @dataclass(frozen=True)
 class Timing:
-    """How strict the player is with time. Only tests change the defaults."""
+    """The player's limits of time. Only tests change the defaults."""
 
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
@@ -321,7 +323,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Rhythm:
-    """How evenly the arm's states arrived."""
+    """The regularity with which the arm's states arrived."""
 
     states: int
     missed: int  # milliseconds of the arm's clock without one

@@ -30,13 +30,13 @@ class Player(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The real-time properties that the computer denies its process: a sentence each."""
+        """One sentence for each real-time property that the computer does not grant the process."""
 
     def reading(self) -> Reading:
         """The arm's present report."""
 
     def report(self) -> ArmReport:
-        """What the arm says of itself: its masses, its description."""
+        """The arm's description of itself, with its masses."""
 
     def recover(self) -> Reading:
         """Clear a fault, and return the arm's report after that."""
@@ -196,7 +196,7 @@ def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int
 
 
 def ask_report(model: str, settings: FrankaSettings, *, realtime: bool) -> ArmReport:
-    """What the arm says of itself. Nothing moves, and no setting changes. Raises DeviceUnavailable."""
+    """The arm's description of itself. Nothing moves, and no setting changes. Raises DeviceUnavailable."""
     with _at_rest(model, settings, realtime) as player:
         return player.report()
 
@@ -208,7 +208,7 @@ STARTS, REST_READINGS = 10, 60_000
 def rehearse(
     model: str, settings: FrankaSettings, *, realtime: bool, starts: int = STARTS, readings: int = REST_READINGS
 ) -> Rehearsal:
-    """What the arm needs before a motion. The settings of a motion are sent, and nothing moves.
+    """The times and distances that the arm needs before a motion. The settings of a motion are sent, and nothing moves.
 
     Raises DeviceUnavailable.
     """

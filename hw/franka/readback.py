@@ -20,17 +20,17 @@ HAND_KG, HAND_M, HAND_KG_M2 = 0.05, 0.01, 0.002
 
 
 def load_mismatch(state: SdkState, sent: Payload) -> str:
-    """How the load that the arm reports differs from the one that it was sent, or ""."""
+    """The difference between the load that the arm reports and the one that it was sent, in words, or ""."""
     body = Mass(sent.mass_kg, sent.com_F_m, sent.inertia_F_kg_m2)
     reported = (state.m_load, state.F_x_Cload, state.I_load)
     apart = _apart(reported, body, (LOAD_KG, LOAD_M, LOAD_KG_M2))
-    return (
-        apart and f"the arm was sent its load and reports another: {apart}; recover, and if it stays, restart the arm"
-    )
+    return apart and f"the arm was sent its load and reports another: {apart}; recover; if this stays, restart the arm"
 
 
 def hand_mismatch(state: SdkState, hand: Mass) -> str:
-    """How the end effector that is set in Desk differs from the hand that every check counts on, or ""."""
+    """The difference between the end effector that is set in Desk and the hand that every check assumes, in words, or
+    "".
+    """
     apart = _apart((state.m_ee, state.F_x_Cee, state.I_ee), hand, (HAND_KG, HAND_M, HAND_KG_M2))
     return apart and f"the end effector that is set in Desk is not the hand: {apart}; set the hand there, then recover"
 

@@ -28,7 +28,8 @@ def kernel_has_flag(flag: Path = KERNEL_FLAG) -> bool:
 
 
 def kernel_is_real_time(flag: Path = KERNEL_FLAG, version: str | None = None) -> bool:
-    """Whether the running kernel is PREEMPT_RT, by that file or by its `version` (None: of this computer, `uname -v`).
+    """Whether the running kernel is PREEMPT_RT, according to that file or to `version` (None: `uname -v` of this
+    computer).
 
     The file came with the patches. Kernels since 6.12 may be PREEMPT_RT without them, and then have no such file.
     """
@@ -36,7 +37,7 @@ def kernel_is_real_time(flag: Path = KERNEL_FLAG, version: str | None = None) ->
 
 
 def priority() -> int:
-    """The real-time priority of the thread that asks; 0 if it has none."""
+    """The real-time priority of the calling thread; 0 if it has none."""
     return os.sched_getparam(0).sched_priority
 
 
@@ -52,7 +53,7 @@ def claim(flag: Path = KERNEL_FLAG) -> None:
 
 
 def take_priority() -> None:
-    """Give the thread that asks `PRIORITY`, from below or from above. Raises DeviceUnavailable without permission."""
+    """Raise or lower the priority of the calling thread to `PRIORITY`. Raises DeviceUnavailable without permission."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except PermissionError as error:

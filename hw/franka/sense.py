@@ -1,4 +1,4 @@
-"""Whether an arm feels at all: with a dead estimate of force, nothing would stop a tool that presses too hard.
+"""Checks that an arm's estimate of force is alive; otherwise nothing would stop a tool that presses too hard.
 
 Arms were reported whose estimate of external torques was exactly 0, or stood still. A live one shows two things without
 any contact. It has noise in every joint. And its errors (weight, friction, the gears' ripple) depend on the posture, so
@@ -47,7 +47,9 @@ class ForceSense:
         self._felt: list[_Felt] = []
 
     def require_alive(self, q_rad: Array, external_Nm: Sequence[Sequence[float]]) -> None:
-        """Keep the estimate (N, 7) at rest at `q_rad` (7,). Raises MotionRefused if a joint's does not vary."""
+        """Store the estimate (N, 7) at rest at `q_rad` (7,). Raises MotionRefused if the estimate of a joint does not
+        vary.
+        """
         values = np.asarray(external_Nm, dtype=np.float64)
         noise_Nm = values.std(axis=0)
         if (noise_Nm < LEAST_NOISE_NM).any():
@@ -61,7 +63,7 @@ class ForceSense:
 
     def require_change(self) -> None:
         """Compare the newest posture with the latest other one. Raises MotionRefused if the estimate does not differ,
-        or there is no other.
+        or if there is none from another posture.
         """
         now = self._felt[-1]
         others = [felt for felt in self._felt if _apart(felt, now)]

@@ -42,7 +42,7 @@ class Payload:
     inertia_F_kg_m2: Array = field(default_factory=lambda: np.zeros((3, 3)))  # (3, 3) about the centre of mass
 
     def __post_init__(self) -> None:
-        """Raises ValueError: too heavy, or an inertia that no body has."""
+        """Raises ValueError for a load that is too heavy or has an inertia that no body has."""
         number(self.mass_kg, "mass of the payload", 0.0, HIGHEST_PAYLOAD_KG, "kg")
         com_F_m = frozen_array(self.com_F_m, (3,), "centre of mass of the payload", most=FARTHEST_M)
         object.__setattr__(self, "com_F_m", com_F_m)
@@ -64,7 +64,9 @@ class CollisionThresholds:
     # (6,): force along X, Y, Z in N and moment about them in Nm, on the tool
 
     def __post_init__(self) -> None:
-        """Raises ValueError: not above 0, too high to stop anything, or contact above collision."""
+        """Raises ValueError for thresholds that are not above 0 or too high to stop anything, and for contact above
+        collision.
+        """
         for name, size, most in (
             ("torque_contact_Nm", 7, MOST_NM),
             ("torque_collision_Nm", 7, MOST_NM),

@@ -1,7 +1,7 @@
-"""The bounds between the check of a motion and its first command, and how an arm is found to keep them.
+"""The bounds between the check of a motion and its first command, and the measurement whether an arm keeps them.
 
 Each could refuse every motion of a real arm if it were guessed wrong, so each is a setting with a safe range, and the
-doctor measures what the arm needs (`Rehearsal`).
+doctor measures the values that the arm needs (`Rehearsal`).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Rehearsal:
     wander_rad: float  # the most that a held joint went within `START_S`
 
     def bounds(self) -> dict[str, tuple[float, tuple[float, float], str]]:
-        """Setting -> what was measured, its safe range, its unit."""
+        """Setting -> its measured value, its safe range, its unit."""
         return {
             "unwatched_s": (self.pause_s, UNWATCHED_RANGE_S, "s"),
             "start_s": (self.took_s, START_RANGE_S, "s"),
@@ -64,7 +64,7 @@ class Rehearsal:
 
 
 def proposed(measured: float, safe: tuple[float, float]) -> float | None:
-    """A bound with room to spare, two digits, within its safe range; None: the range is too small for it."""
+    """A bound with room to spare, rounded to two digits, within its safe range; None if that range is too small."""
     low, high = safe
     if SPARE * measured > high:
         return None

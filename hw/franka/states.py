@@ -1,4 +1,4 @@
-"""The states of a connected arm: none is taken for the present that is old, and nothing between two is missed.
+"""Reads the states of a connected arm, so that no old state passes for the present one and none is missed.
 
 An arm sends a state every millisecond. While nobody reads, the socket keeps the *oldest* 48 to 92 of them and drops all
 that come later; libfranka's `readOnce` then returns the newest of those that were kept. So after a pause the first

@@ -1,4 +1,4 @@
-"""Which driver fits which arm software, and which packages it needs.
+"""The driver for each version of the arm's software, and the packages that it needs.
 
 libfranka refuses an arm with another interface version than its own. The matrix is the maker's
 (libfranka documentation, "Robot System Version Compatibility"); the builds of panda-python are those of its README.

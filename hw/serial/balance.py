@@ -105,7 +105,12 @@ def _complaint(_: str, protocol: object) -> str:
 
 
 BALANCES = Registry[BalanceProtocol](
-    "balance", "adaptsim.balances", "BALANCE", PROTOCOLS, DeviceUnavailable, lambda protocol: protocol, _complaint
+    label="balance",
+    group="adaptsim.balances",
+    attribute="BALANCE",
+    ours=PROTOCOLS,
+    error=DeviceUnavailable,
+    complaint=_complaint,
 )
 
 

@@ -98,7 +98,7 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
     x, y = detection.xy_m
     area: Area = (x - _BACK_M, x + _FORTH_M, y - _SIDE_M, y + _SIDE_M)
     view = view_of(model.colour, X_BC, area, HEIGHT_M)
-    was, now = (_likeness(frame.colour[view.rows, view.columns], detection) for frame in (before, after))
+    was, now = (likeness(frame.colour[view.rows, view.columns], detection) for frame in (before, after))
     corner = np.array([view.columns.start, view.rows.start])
     place = np.rint(detection.contour_px - corner).astype(np.int32)
     cv2.fillPoly(was, [place], 0.0)  # the piece left its first place, so a spot there now has come back
@@ -115,7 +115,7 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
     return np.asarray(on_plane(ray, view.X_BV, detection.centre_m[2])[0])
 
 
-def _likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
+def likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
     """(h, w) how much each pixel looks like the piece on the table, 0 to 1."""
     if detection.is_dark:
         return darkness(rgb, float(np.median(brightness(rgb))))

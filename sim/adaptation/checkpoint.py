@@ -163,7 +163,9 @@ class Checkpoint:
     tensors: Tensors  # everything in the checkpoint's weights file
 
     def part(self, prefix: str) -> dict[str, NDArray[Any]]:
-        """The tensors whose names begin with `prefix`, without it: what one reader of the checkpoint finds there."""
+        """The tensors whose names begin with `prefix`, with the prefix removed: the part of one reader of the
+        checkpoint.
+        """
         return _part(self.tensors, prefix)
 
     @property
@@ -256,7 +258,7 @@ def _require_same_physics(task: Task, path: Path, card: Card) -> None:
 
 
 def without_phase_1(task: Task, solver: Solver) -> Checkpoint:
-    """What stands for a checkpoint where every answer is simulated. Its hash is that of the task and its physics."""
+    """A replacement of a checkpoint if every prediction is simulated. Its hash is that of task and physics."""
     card = Card(
         format=1,
         task=task.name,

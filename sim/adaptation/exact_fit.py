@@ -1,8 +1,8 @@
 """The parameters of an exact simulator that repeats the trials of a session, by least squares.
 
-Such a simulator has no error of its own and its trials no noise, so the misfit that the best parameters leave is the
-only doubt: it sets the width of the posterior. If the best parameters of the margin lie at its edge and still miss, the
-search goes on in all physically possible values (`sim.types.Dimension.limits`).
+Such a simulator has no error of its own and its trials no noise, so the only uncertainty is the misfit of the best
+parameters, which determines the width of the posterior. If the best parameters of the margin lie at its edge and still
+miss, the search goes on in all physically possible values (`sim.types.Dimension.limits`).
 """
 
 from __future__ import annotations

@@ -115,13 +115,13 @@ class Misfits:
     """The misfits of a session's trials, each computed once."""
 
     expectations: Expectations
-    _known: dict[bytes, float] = field(default_factory=dict, repr=False)
+    _misfits: dict[bytes, float] = field(default_factory=dict, repr=False)
 
     def of(self, trial: Trial) -> float:
         """The misfit of a trial (`sim.solvers.misfit`)."""
-        if trial.key not in self._known:
-            self._known[trial.key] = misfit(self.expectations, trial.context, trial.action, trial.observation)
-        return self._known[trial.key]
+        if trial.key not in self._misfits:
+            self._misfits[trial.key] = misfit(self.expectations, trial.context, trial.action, trial.observation)
+        return self._misfits[trial.key]
 
 
 def verdict_of(

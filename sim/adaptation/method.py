@@ -111,7 +111,7 @@ class Best:
 
 @dataclass(frozen=True, eq=False)
 class SessionForecast:
-    """The forecast of a session, for its final policy if it ended now."""
+    """The forecast of a session, for the final policy that it would have if it ended now."""
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
@@ -205,7 +205,9 @@ class Simulating(Protocol):
 
 @runtime_checkable
 class Choosing(Protocol):
-    """A method that chooses itself what its session keeps; of others `sim.adaptation.judging.choose_best` does."""
+    """A method that chooses the parameters that its session keeps; for others `sim.adaptation.judging.choose_best`
+    does.
+    """
 
     def choose(self, history: Sequence[Iteration]) -> Best:
         """The final parameters. Raises ValueError without a trial."""

@@ -33,7 +33,7 @@ from sim.adaptation.method import Trial
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
-from sim.tasks.task import Executable, Task
+from sim.tasks.task import Executable, PredictedOutcomes, Task
 
 WIDER = 2.0
 """The interval of a predicted reward is so much wider than that of the draws, which held too few rewards of developed
@@ -98,18 +98,19 @@ class OutcomePosterior:
         return self._outcomes[key]
 
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
-        """(A, a) in units -> their outcomes in every draw: success (A, KEPT, D), end state (A, KEPT, D, k)."""
+        """(A, a) in units -> their outcomes (A, KEPT, D) in every draw."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
-        success, end = self.simulators.solver.outcomes(
+        predicted = self.simulators.solver.outcomes(
             self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance, context
         )
         at = self.simulators.places(actions, context)
         added = [
             discrepancy.drawn(at, residuals, seed) for seed, (discrepancy, residuals) in enumerate(self._discrepancies)
         ]
-        chance = np.clip(success.mean(axis=0) + added[0][..., None], 0.0, 1.0)
-        off = np.stack(added[1:], axis=-1) * unit
-        return Outcomes(task, actions, chance, end.mean(axis=0) + off[:, :, None])
+        mean = predicted.mean_of_ensemble
+        chance = np.clip(mean.success + added[0][..., None], 0.0, 1.0)
+        end = mean.end_state + (np.stack(added[1:], axis=-1) * unit)[:, :, None]
+        return Outcomes(task, actions, PredictedOutcomes(chance, end, mean.failure_reward))
 
     @cached_property
     def _discrepancies(self) -> list[tuple[Discrepancy, Array]]:

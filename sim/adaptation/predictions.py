@@ -32,7 +32,7 @@ NO_ORDER = 0.5
 """Predictions with at least this rank correlation still say which action is better."""
 
 STILL = 0.1
-"""Errors of the latest iteration below this: whatever was wrong is over."""
+"""If the errors of the latest iteration are below this, the predictions have recovered."""
 
 STAKES, DEAREST = (0.5, 0.95), 6.0
 """Shares of the largest possible bet at stake, each with half of the capital: the larger one finds trials that all

@@ -100,9 +100,9 @@ class Simulators:
         reference = np.asarray(task.reference_context)
         others = self.actions(truths[rng.permutation(n)], n, reference)  # the best for a truth would always end alike
         contexts = task.simulated_in(cover(task.context, n, rng))
-        success, end = self.solver.outcomes(truths, others[np.arange(n) % len(others)], drawn.nuisance, contexts)
-        ends = end.mean(axis=0)
-        earned = success.mean(axis=0) * task.reward_of_success(ends, contexts)
+        actions = others[np.arange(n) % len(others)]
+        predicted = self.solver.outcomes(truths, actions, drawn.nuisance, contexts).mean_of_ensemble
+        ends, earned = predicted.end_state, predicted.success * task.reward_of_success(predicted.end_state, contexts)
         std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
         return np.asarray(np.maximum(std, LEAST_UNIT * std.max()))
 
@@ -166,9 +166,9 @@ class Simulators:
         executed = np.broadcast_to(commanded + drawn.error, (*shape, len(task.action))).reshape(n * k * d, -1)
         nuisance = np.broadcast_to(drawn.nuisance, (*shape, len(task.nuisance))).reshape(n * k * d, -1)
         contexts = np.repeat([trial.context for trial in trials], k * d, axis=0)
-        success, end = self.solver.outcomes(where, executed, nuisance, contexts)
-        chance = success.mean(axis=0).reshape(shape)
-        ends = np.nan_to_num(end.mean(axis=0).reshape(*shape, -1) / self.end_unit)
+        outcomes = self.solver.outcomes(where, executed, nuisance, contexts).mean_of_ensemble
+        chance = outcomes.success.reshape(shape)
+        ends = np.nan_to_num(outcomes.end_state.reshape(*shape, -1) / self.end_unit)
         weight = (chance + 1e-6)[..., None]
         mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)

@@ -57,13 +57,15 @@ class ImaginedWorld:
         task, solver, n = self.simulators.task, self.simulators.solver, len(contexts)
         executed = actions + rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
         nuisance, where = task.nuisance.sample(rng, n), np.tile(self.parameters, (n, 1))
-        success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, nuisance, contexts))
+        predicted = solver.outcomes(where, executed, nuisance, contexts).mean_of_ensemble
         at, (missed, *off) = self.simulators.places(actions, contexts), self._discrepancies
-        is_success = rng.uniform(size=n) < success + missed.drawn(at, np.zeros((0, 1)), self.seed)[:, 0]
+        is_success = rng.uniform(size=n) < predicted.success + missed.drawn(at, np.zeros((0, 1)), self.seed)[:, 0]
         apart = [one.drawn(at, np.zeros((0, 1)), self.seed + i)[:, 0] for i, one in enumerate(off, start=1)]
         noise = LEAST_END_STD * rng.standard_normal((n, len(off)))
-        ends = end + (np.stack(apart, axis=-1) + noise) * self.simulators.end_unit
-        rewards = np.where(is_success, [task.reward_of_success(e, c) for e, c in zip(ends, contexts, strict=True)], 0.0)
+        ends = predicted.end_state + (np.stack(apart, axis=-1) + noise) * self.simulators.end_unit
+        failed = 0.0 if predicted.failure_reward is None else predicted.failure_reward
+        earned = [task.reward_of_success(e, c) for e, c in zip(ends, contexts, strict=True)]
+        rewards = np.where(is_success, earned, failed)
         paths = solver.trajectories(where, executed, nuisance, contexts)
         observations = task.observation.with_noise(paths, rng)
         shown = [one if ok else None for one, ok in zip(ends, is_success, strict=True)]

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
 from sim.lab.film import Filming

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
@@ -28,7 +28,7 @@ from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
 from sim.tasks import declared_worlds, files_of, task_names
 from sim.tasks.library import library_of
-from sim.tasks.task import Simulate, Task
+from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
 _Tilt = Annotated[float, Field(ge=-50, le=50)]
@@ -367,27 +367,13 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
     return faults
 
 
-def rollouts_in(world: World, task: Task | None = None) -> Simulate:
-    """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
+def rollout_in(world: World, context: Array, action: Array, task: Task | None = None) -> ObjectTrack:
+    """A rollout at a context (c,) by an action (a,): parameters, nuisance and effects are the world's.
 
-    `task` is the one of the checkpoint: where policies are trained, it knows them.
-
-    It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
+    `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
+    physics is not installed, RolloutError if the task's code fails.
     """
-    knows_policies = task is not None and library_of(task) is not None
-    return partial(_simulate, world, task if knows_policies else None)
-
-
-def _simulate(
-    world: World,
-    task: Task | None,
-    parameters: Array,
-    context: Array,
-    action: Array,
-    nuisance: Array,
-    unmodelled: Any = None,
-) -> ObjectTrack:
-    simulate = simulate_of(world.task, world.physics) if task is None else task.simulate
+    simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
     try:
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:
@@ -397,3 +383,23 @@ def _simulate(
             f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
             f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
         ) from error
+
+
+def task_in(world: World, task: Task) -> Task:
+    """The task whose rollouts are those of the world, one by one: stacks would know nothing of its effects."""
+    knows_policies = library_of(task) is not None
+    simulate = partial(_simulate_in, world, task if knows_policies else None)
+    return replace(task, simulate=simulate, simulate_many=None)
+
+
+def _simulate_in(
+    world: World,
+    task: Task | None,
+    parameters: Array,
+    context: Array,
+    action: Array,
+    nuisance: Array,
+    unmodelled: Any = None,
+) -> ObjectTrack:
+    """A `Simulate` that can be sent to another process; only context and action count."""
+    return rollout_in(world, context, action, task)

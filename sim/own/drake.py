@@ -63,7 +63,7 @@ class DrakeScene:
         root = self._root()
         for name, path in self.paths.items():
             where = self._where(name, path)
-            _place(root, path, where)(value_of(p, name, where))
+            _setter_of(root, path, where)(value_of(p, name, where))
         text = Xml.tostring(root, encoding="unicode")
         builder = DiagramBuilder()
         plant, _ = AddMultibodyPlantSceneGraph(builder, self.time_step)
@@ -85,7 +85,7 @@ class DrakeScene:
         """Raises TaskError for a path that leads nowhere."""
         root = self._root()
         for name, path in self.paths.items():
-            _place(root, path, self._where(name, path))
+            _setter_of(root, path, self._where(name, path))
 
     def _root(self) -> Any:
         try:
@@ -94,7 +94,7 @@ class DrakeScene:
                 Xml.register_namespace(prefix, uri)
             return Xml.fromstring(text)
         except (OSError, UnicodeDecodeError, Xml.ParseError) as error:
-            raise TaskError(f"{self.file} is no scene of Drake: {error}") from error
+            raise TaskError(f"{self.file} is not a scene of Drake: {error}") from error
 
     def _where(self, name: str, path: str) -> str:
         return f"{self.file.name}: {name} = {path!r}"
@@ -133,7 +133,7 @@ def run_drake(
     return times, np.array(states)
 
 
-def _place(root: Any, path: str, where: str) -> Callable[[float], None]:
+def _setter_of(root: Any, path: str, where: str) -> Callable[[float], None]:
     """How to write the number at a path. Raises TaskError."""
     parts = path.split("/")
     if len(parts) < 3:

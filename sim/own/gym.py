@@ -39,10 +39,10 @@ class GymScene:
         try:
             env = gymnasium.make(self.env_id, **self.options).unwrapped
         except gymnasium.error.Error as error:
-            raise TaskError(f"{self.env_id!r} is no environment that can be made: {error}") from error
+            raise TaskError(f"{self.env_id!r} is not an environment that can be made: {error}") from error
         for name, path in self.paths.items():
             where = f"{self.env_id}: {name} = {path!r}"
-            thing, attribute = _place(env, path, where)
+            thing, attribute = _attribute_at(env, path, where)
             set_attribute(thing, attribute, value_of(p, name, where), where)
         return env
 
@@ -92,7 +92,7 @@ def _state(see: Callable[[Any], Any], env: Any) -> Array:
     return np.array(see(env), dtype=np.float64).reshape(-1)
 
 
-def _place(env: Any, path: str, where: str) -> tuple[Any, str]:
+def _attribute_at(env: Any, path: str, where: str) -> tuple[Any, str]:
     """The thing that has the attribute at the end of a path, and that attribute."""
     *parts, last = path.split(".")
     thing = env

@@ -44,7 +44,7 @@ class MujocoScene:
         """A new `mujoco.MjModel` with the values of `p`."""
         spec = self._spec
         for name, path in self.paths.items():
-            thing, attribute = self._place(spec, name, path)
+            thing, attribute = self._attribute_at(spec, name, path)
             set_attribute(thing, attribute, value_of(p, name, self._where(name, path)), self._where(name, path))
         try:
             return spec.compile()
@@ -55,7 +55,7 @@ class MujocoScene:
         """Raises TaskError for a scene that cannot be read, and a path that leads nowhere."""
         spec = self._spec
         for name, path in self.paths.items():
-            thing, attribute = self._place(spec, name, path)
+            thing, attribute = self._attribute_at(spec, name, path)
             key, index = indexed(attribute, self._where(name, path))
             if not hasattr(thing, key):
                 raise TaskError(missing(self._where(name, path), f"attribute {key!r}", attributes(thing)))
@@ -70,9 +70,9 @@ class MujocoScene:
         try:
             return _mujoco().MjSpec.from_file(str(self.file))
         except ValueError as error:
-            raise TaskError(f"{self.file} is no scene of MuJoCo: {error}") from error
+            raise TaskError(f"{self.file} is not a scene of MuJoCo: {error}") from error
 
-    def _place(self, spec: Any, name: str, path: str) -> tuple[Any, str]:
+    def _attribute_at(self, spec: Any, name: str, path: str) -> tuple[Any, str]:
         where = self._where(name, path)
         kind, *rest = path.split("/")
         kind = _ALIAS.get(kind, kind)

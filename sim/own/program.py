@@ -1,4 +1,4 @@
-"""A simulator that is a program of its own: one JSON object in, one out, as a robot of one's own answers."""
+"""A simulator that is a program. It reads a JSON object and prints one, like the program of your own robot."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def program(command: str, *, keep: bool | None = None, limit_s: float = 600.0) -
 
     It gets one line on stdin, `{"parameters": {...}, "context": {...}, "action": {...}}`, and prints an object with
     `t_s` (N numbers) and `state` (N rows), or with `error`. It runs in the folder of the task's file. A program that
-    answers and stays is asked again; one that reads its input to the end runs once for each rollout. `keep` says which
-    of the two it is, if that is known. Raises TaskError if it fails, or is silent for `limit_s`.
+    answers and stays is asked again; one that reads its input to the end runs once for each rollout. `keep` states
+    which of the two it is, if that is known. Raises TaskError if it fails, or is silent for `limit_s`.
     """
     try:
         words = shlex.split(command)
@@ -64,8 +64,11 @@ class SimulatorProgram:
     lock: Any = field(default_factory=threading.Lock)
     physics: str = field(default="program", init=False)
 
-    def __call__(self, *values: Any, **named: Any) -> tuple[Array, Array]:
-        """One rollout with `p`, `context` and `action`, as the task's function gets them."""
+    def __call__(self, *values: Any, **named: Any) -> tuple[Array, Array | dict[str, Array]]:
+        """One rollout with `p`, `context` and `action`, as the task's function gets them.
+
+        Times (N,) and states: rows (N, k) in the order of the task's columns, or (N,) for each name, as it answers.
+        """
         question = dict[str, Any]()
         for key, value in [*((_role(one), one) for one in values), *named.items()]:
             question["parameters" if key == "p" else key] = _plain(value)
@@ -76,8 +79,15 @@ class SimulatorProgram:
         if "t_s" not in answer or "state" not in answer:
             raise TaskError(f"{self.title} answers {', '.join(answer) or 'nothing'}: it must answer t_s and state")
         state = answer["state"]
-        rows = np.stack([state[name] for name in state], axis=-1) if isinstance(state, Mapping) else np.array(state)
-        return np.array(answer["t_s"], dtype=np.float64), np.asarray(rows, dtype=np.float64)
+        by_name = isinstance(state, Mapping)
+        rows = {name: self._numbers(name, state[name]) for name in state} if by_name else self._numbers("state", state)
+        return self._numbers("t_s", answer["t_s"]), rows
+
+    def _numbers(self, what: str, values: Any) -> Array:
+        try:
+            return np.array(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TaskError(f"{self.title} answers {what} that are not numbers of one shape: {error}") from error
 
     @property
     def title(self) -> str:
@@ -85,10 +95,16 @@ class SimulatorProgram:
         return f"the program `{shlex.join(self.words)}`"
 
     def _answered(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
-        process = self.mode.running
-        if process is None or process.over:
-            process = _Running.of(self.words, self.folder, self.title)
-        self.mode.running = None
+        process, self.mode.running = self.mode.running, None
+        if process is not None and not process.over:
+            try:
+                return self._asked(process, question)
+            except _Gone:  # it answered once, and ended while it was asked again: it runs once for each rollout
+                self.mode.keep = False
+        return self._asked(_Running.of(self.words, self.folder, self.title), question)
+
+    def _asked(self, process: _Running, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The answer of a process. Raises TaskError; _Gone if it has answered before, and ended without another one."""
         try:
             process.ask(json.dumps(question))
             if self.mode.keep is False:
@@ -111,6 +127,10 @@ class SimulatorProgram:
         return answer
 
 
+class _Gone(TaskError):
+    """A process that answered an earlier question ended without a word about this one."""
+
+
 @dataclass(eq=False)
 class _Running:
     """One process of the program."""
@@ -119,7 +139,8 @@ class _Running:
     process: subprocess.Popen[str]
     errors: IO[bytes]
     lines: queue.Queue[str | None]
-    text: list[str] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)  # about the present question
+    answers: int = 0
 
     @classmethod
     def of(cls, words: tuple[str, ...], folder: Path, title: str) -> _Running:
@@ -160,7 +181,7 @@ class _Running:
             raise self._failed() from error
 
     def close_input(self) -> None:
-        """Say that there are no more questions."""
+        """Tell the program that there are no more questions."""
         assert self.process.stdin is not None
         self.process.stdin.close()
 
@@ -175,6 +196,7 @@ class _Running:
                 return self._whole()
             self.text.append(line)
             if (answer := _object(line)) is not None:
+                self.answers += 1
                 return answer
 
     def _whole(self) -> Mapping[str, Any]:
@@ -187,7 +209,9 @@ class _Running:
         self.errors.seek(0)
         message = self.errors.read().decode(errors="replace").strip() or "".join(self.text).strip()
         last = f": {message.splitlines()[-1][:_SHOWN]}" if message else ""
-        return TaskError(f"{self.title} ended with exit code {code} and gave no JSON object{last}")
+        silent = self.answers and not code and not message
+        kind = _Gone if silent else TaskError
+        return kind(f"{self.title} ended with exit code {code} and gave no JSON object{last}")
 
     def end(self) -> None:
         """End it, if it still runs."""

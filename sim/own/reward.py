@@ -58,7 +58,7 @@ def measured(
 
 
 def raises(error: BaseException) -> str:
-    """What the user's code does, in words: `raises ValueError: ...`, or `exits`."""
+    """The failure of the user's code in words: `raises ValueError: ...`, or `exits`."""
     return "exits" if isinstance(error, SystemExit) else f"raises {type(error).__name__}: {error}"
 
 
@@ -78,7 +78,7 @@ class Reward:
         return np.clip(self.unclipped(end, context), 0.0, 1.0)
 
     def unclipped(self, end: Array, context: Array) -> Array:
-        """The same, as the function returns it. Raises TaskError."""
+        """The function's own return value, before it is checked. Raises TaskError."""
         end, context = np.asarray(end, dtype=np.float64), np.asarray(context, dtype=np.float64)
         shape = np.broadcast_shapes(end.shape[:-1], context.shape[:-1])
         ends = np.broadcast_to(end, (*shape, end.shape[-1]))

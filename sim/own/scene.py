@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 from hw.plugins import did_you_mean
@@ -25,19 +26,34 @@ _SIMULATORS = (
 """A name in the code of a task's function -> the simulator that it runs."""
 
 
-def physics_of(function: Callable[..., Any]) -> str:
+def physics_of(function: FunctionType) -> str:
     """The simulator that a function runs: the first of those that its code names; else "python"."""
-    names = {*function.__code__.co_names}
+    names = _names_in(function)
     things = [function.__globals__.get(name) for name in names]
     names |= {str(getattr(thing, "physics", "")) for thing in things}
     return next((physics for name, physics in _SIMULATORS if name in names or physics in names), "python")
 
 
-def files_of_scenes(function: Callable[..., Any]) -> tuple[str, ...]:
+def files_of_scenes(function: FunctionType) -> tuple[str, ...]:
     """The files of the scenes that a function's code names."""
-    things = [function.__globals__.get(name) for name in function.__code__.co_names]
+    things = [function.__globals__.get(name) for name in _names_in(function)]
     files = [getattr(thing, "file", None) for thing in things if hasattr(thing, "physics")]
     return tuple(sorted(str(file) for file in files if isinstance(file, Path)))
+
+
+def _names_in(function: FunctionType) -> set[str]:
+    """The names in a function's code, in the functions inside it, and in those of its module that it calls."""
+    names, codes = set[str](), [function.__code__]
+    while codes:
+        code = codes.pop()
+        new = {*code.co_names} - names
+        names |= new
+        codes += [inner for inner in code.co_consts if isinstance(inner, CodeType)]
+        called = [function.__globals__.get(name) for name in new]
+        codes += [
+            one.__code__ for one in called if isinstance(one, FunctionType) and one.__globals__ is function.__globals__
+        ]
+    return names
 
 
 def beside_caller(name: str, depth: int = 2) -> Path:
@@ -61,7 +77,7 @@ def indexed(part: str, where: str) -> tuple[str, tuple[int, ...]]:
     """`friction[0]` as name and indices. Raises TaskError."""
     match = _PART.match(part)
     if match is None:
-        raise TaskError(f"{where}: {part!r} is no attribute; write a name, or a name with an index as friction[0]")
+        raise TaskError(f"{where}: {part!r} is not an attribute; write a name, or a name with an index as friction[0]")
     return match[1], tuple(int(i) for i in re.findall(r"\d+", match[2]))
 
 

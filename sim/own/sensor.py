@@ -1,4 +1,4 @@
-"""A sensor that is late, scaled or off, whose delay, gain and bias are ordinary parameters of a task."""
+"""A sensor with a delay, a gain and a bias, which are ordinary parameters of a task."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hw.types import Array
 
 
 def sensor(times: Any, states: Any, *, delay: float = 0.0, gain: Any = 1.0, bias: Any = 0.0) -> tuple[Array, Array]:
-    """What a sensor reports of a trajectory: `gain * state(t - delay) + bias` at the same times.
+    """A sensor's report of a trajectory: `gain * state(t - delay) + bias` at the same times.
 
     `times` (N,) in s, `states` (N, k) or (N,); `gain` and `bias` are numbers, or one for each column. Before the start
     the state was that of the start.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,10 @@ def roles_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """The roles of the arguments of a task's function, in order. Raises TaskError."""
     inputs = inspect.signature(function).parameters
     needed = [name for name, one in inputs.items() if one.default is inspect.Parameter.empty]
+    if named := [name for name in needed if inputs[name].kind is inspect.Parameter.KEYWORD_ONLY]:
+        raise TaskError(
+            f"the function {function.__name__} takes {', '.join(named)} by keyword alone: leave out the * before it"
+        )
     unknown = [name for name in needed if name not in ROLES]
     roles = tuple(ROLES[name] for name in needed if name in ROLES)
     if unknown or roles[:1] != ("p",) or len(set(roles)) < len(roles) or {"action", "policy"} <= set(roles):
@@ -34,6 +39,14 @@ def roles_of(function: Callable[..., Any]) -> tuple[str, ...]:
             "(p, context, action), (p, policy) or (p, context, policy), by these names"
         )
     return roles
+
+
+def innermost(function: Callable[..., Any]) -> FunctionType:
+    """The function that the user wrote, below all decorators. Raises TaskError if there is none with a name."""
+    inner = inspect.unwrap(function)
+    if not isinstance(inner, FunctionType) or not inner.__name__.isidentifier():
+        raise TaskError(f"@adaptsim.task stands above {function!r}: it must stand above a function with a name")
+    return inner
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +153,8 @@ class Simulation:
             raise self._wrong(f"returns {what} that are not numbers of one shape: {error}") from error
 
     def _wrong(self, what: str) -> TaskError:
-        code = self.function.__code__
-        return TaskError(f"{self.path}, line {code.co_firstlineno}: {self.function.__name__} {what}")
+        function = inspect.unwrap(self.function)
+        return TaskError(f"{self.path}, line {function.__code__.co_firstlineno}: {function.__name__} {what}")
 
 
 def _described(value: Any) -> str:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import make_dataclass
 from pathlib import Path
-from typing import Any
+from types import FunctionType
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from hw.plugins import did_you_mean
 from hw.types import Array, frozen_array
 from perception.types import Outcome
 from sim.errors import TaskError
@@ -27,7 +30,7 @@ from sim.own.declaring import (
 from sim.own.policy import trained_for, training_of
 from sim.own.reward import EndOfTrial, OutcomeInWords, conditions_of, measured, reward_of
 from sim.own.scene import files_of_scenes, physics_of
-from sim.own.simulation import Simulation, roles_of
+from sim.own.simulation import Simulation, innermost, roles_of
 from sim.own.values import Declared
 from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task, TaskFile
 from sim.types import Space
@@ -35,10 +38,38 @@ from sim.types import Space
 _EXAMPLE = 2001
 """Moments of the trajectory by which the names of a measure are found: more than its indices count."""
 
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
+
+
+def _named_alone(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+    """The same function; a wrong set of arguments raises TaskError naming the right ones."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def declared(*values: _Parameters.args, **named: _Parameters.kwargs) -> _Result:
+        right = [*signature.parameters]
+        if values and callable(values[0]):
+            raise TaskError("@adaptsim.task has no arguments: a task needs its parameters, state, duration and reward")
+        if values:
+            raise TaskError(f"adaptsim.task({values[0]!r:.60}): each argument needs its name, as parameters={{...}}")
+        for name, value in named.items():
+            if name not in right:
+                near = did_you_mean(name, right) or f": it has {', '.join(right)}"
+                raise TaskError(f"{name} = {value!r:.60}: there is no such argument of adaptsim.task{near}")
+        needed = [name for name, one in signature.parameters.items() if one.default is inspect.Parameter.empty]
+        if missing := [name for name in needed if name not in named]:
+            raise TaskError(f"adaptsim.task has no {' and no '.join(missing)}: a task needs {', '.join(needed)}")
+        return function(*values, **named)
+
+    return declared
+
+
 FIRST_WORLD = "wd"
 """The world of a task that declares none: two thirds of each range."""
 
 
+@_named_alone
 def task(
     *,
     parameters: Mapping[str, Any],
@@ -80,7 +111,7 @@ def task(
     `outcomes` maps words to conditions on the end. The README of "Your own simulator" shows each
     (docs/guide/own-simulator.md).
 
-    Raises TaskError naming the argument, its value and what is right.
+    Raises TaskError naming the argument, its value and the right one.
     """
     arguments = dict(locals())
 
@@ -91,9 +122,8 @@ def task(
 
 
 def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
-    if not inspect.isfunction(function):
-        raise TaskError(f"@adaptsim.task stands above {function!r}: it must stand above a function")
-    name, file = function.__name__, _file_of(function)
+    written = innermost(function)
+    name, file = written.__name__, _file_of(written)
     path, roles = ("" if file is None else file.path), roles_of(function)
     parameters, context, action, nuisance, state = (
         space_of(what, arguments[what]) for what in ("parameters", "context", "action", "nuisance", "state")
@@ -164,8 +194,8 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
         ),
         plausible=_plausible(arguments["effects"]),
         worlds=_worlds(arguments["worlds"], parameters, nuisance, effect_names),
-        physics=physics_of(function),
-        scene_files=files_of_scenes(function),
+        physics=physics_of(written),
+        scene_files=files_of_scenes(written),
         file=file,
         outcome_in_words=None if conditions is None else sent("outcome_in_words", OutcomeInWords(conditions, end)),
         **training_of(name, roles, arguments),
@@ -225,6 +255,11 @@ def _end(state: Space, measure: Any, path: str, duration: float) -> EndOfTrial:
         return EndOfTrial(state, None, path, state.names)
     if not callable(measure):
         raise TaskError(f"measure = {measure!r}: it must be a function of times and states")
+    if taken := [name for name in state.names if hasattr(np.ndarray, name)]:
+        raise TaskError(
+            f"state[{taken[0]!r}]: `states.{taken[0]}` means something else for an array, so measure cannot read it; "
+            "choose another name"
+        )
     times_s = np.linspace(0.0, duration, _EXAMPLE)
     example = np.tile(state.middle, (_EXAMPLE, 1))
     return EndOfTrial(state, measure, path, tuple(measured(measure, path, times_s, example, state.names)))
@@ -322,7 +357,7 @@ def _first_line(function: Callable[..., Any]) -> str:
     return line[:1].lower() + line[1:] if line[1:2].islower() else line
 
 
-def _file_of(function: Callable[..., Any]) -> TaskFile | None:
+def _file_of(function: FunctionType) -> TaskFile | None:
     path = Path(function.__code__.co_filename)
     if not path.is_file():  # typed into a notebook
         return None

@@ -15,7 +15,7 @@ from sim.types import Space
 
 
 class Values:
-    """Quantities by name: `p.mu`. Iterating gives (name, value) pairs."""
+    """Quantities by name: `p.mu`, or `p[name]` in a loop. Iterating gives (name, value) pairs."""
 
     def __init__(self, role: str, values: dict[str, Any]) -> None:
         self.__dict__.update(values)
@@ -27,6 +27,9 @@ class Values:
         raise AttributeError(
             f"{role} has no {name!r}: there is {', '.join(names) or 'nothing'}{did_you_mean(name, names)}"
         )
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{self._role}.{name} cannot be set: these values are given")
@@ -72,7 +75,7 @@ class NamedStates(np.ndarray):
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A function of a task of a file: another process finds it again in the same content of the file."""
+    """A function of a task in a file, which another process finds again in the same content of the file."""
 
     function: Callable[..., Any]
     file: TaskFile | None

@@ -1,4 +1,4 @@
-"""What the code of a task's file does besides computing: it prints, sleeps, or starts processes."""
+"""Notices whether the code of a task's file does more than compute: whether it prints, sleeps, or starts processes."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _LONGEST_S = 0.05
 
 @dataclass(frozen=True)
 class Watched:
-    """The lines of a file that did something else than computing."""
+    """The lines of a file that did more than compute."""
 
     path: str
     lines: dict[str, list[int]] = field(default_factory=dict)  # what -> lines
 
     def note(self, what: str) -> None:
-        """Note the line of the file that runs now; nothing if none does."""
+        """Note the line of the file that runs now, if one does."""
         line = caller_line(self.path)
         if line is not None and line not in self.lines.setdefault(what, []):
             self.lines[what].append(line)
@@ -46,7 +46,9 @@ STARTS = "starts a process"
 
 @contextmanager
 def watched(path: str) -> Iterator[Watched]:
-    """Note what the file does in a block. It cannot end or double this process then, and its output goes to stderr."""
+    """Record the actions of the file during a block. It cannot end or double this process then, and its output goes to
+    stderr.
+    """
     notes = Watched(path)
 
     class Aside(io.TextIOBase):

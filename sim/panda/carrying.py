@@ -1,4 +1,4 @@
-"""The way home with an object on the tool: along a line with a steady rotation, so gently that nothing rolls off.
+"""The way home with an object on the tool, along a line with a steady rotation, so gentle that nothing rolls off.
 
 On a straight line in joint space the tool rolls by up to 13°, and one scooped piece in three is lost
 (docs/decisions/0003).
@@ -33,7 +33,7 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: Arm
     """The path between two postures (7,); the tool, at X_FT (4, 4) in the flange, moves straight and rotates steadily.
 
     At every moment the posture is the one, among those with that tool pose, nearest to the straight line in joint
-    space. Raises NotExecutable if there is none, or it comes too near to a limit.
+    space. Raises NotExecutable if there is no such path, or it comes too near to a limit.
     """
     q_from, q_to = (arm.true_rad(frozen_array(q, (7,), "q_rad")) for q in (q_from_rad, q_to_rad))
     ends = np.stack([forward(q) @ X_FT for q in (q_from, q_to)])

@@ -71,7 +71,7 @@ def time_curve(along: Along, duration_s: float, limits: JointLimits) -> JointPat
         duration_s *= _STRETCH
     raise NotExecutable(
         f"{limits.model}: a move comes to {place:.2f} of a joint's position limits (largest allowed {MOVE_RATIO:g}), "
-        "or is too fast even when slow; choose other end postures"
+        "or breaks a limit of speed even when it is slow; choose other end postures"
     )
 
 

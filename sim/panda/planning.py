@@ -80,8 +80,8 @@ def trial_paths(
 
     The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The tool
     stays `CLEAR_M` above the table except on the vertical stretches. If the direct way home is blocked, it goes around
-    the obstacle. A tool that `carries` an object returns gently enough to keep it, if any posture allows that. Raises
-    NotExecutable.
+    the obstacle. A tool that `carries` an object returns so gently that it keeps the object, if any posture allows
+    that. Raises NotExecutable.
     """
     true, home_rad = cell.in_true_joints(), cell.arm.true_rad(frozen_array(q_home, (7,), "q_home"))
     gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, arm=true.arm) if carries else None

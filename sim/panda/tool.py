@@ -75,8 +75,8 @@ def held(
 ) -> Tool:
     """The hand with a tool at X_FT (4, 4), which has the mass `mass_T` in the tool frame.
 
-    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; `touching_T` too, but they may touch the
-    table, first with the points `points_T_m` (P, 3) in the tool frame.
+    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes. `touching_T` must stay clear of arm and
+    boxes, but may touch the table, first with the points `points_T_m` (P, 3) in the tool frame.
     """
 
     def in_flange(p_T_m: ArrayLike) -> Array:

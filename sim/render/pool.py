@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.child import Child, ChildGone
+from hw.computer import trim
 from hw.errors import CameraError
-from hw.memory import trim
 from hw.types import Array, CameraModel
 from sim.render.renderer import Renderer
 from sim.render.sensor import SensorNoise
@@ -68,14 +68,14 @@ class RenderPool(Protocol):
     """Renders pictures of one scene in the background."""
 
     def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
-        """The picture of one exposure, soon; `rng` is of its noise. Its result may raise CameraError."""
+        """A future of the picture of one exposure; `rng` draws its noise. Its result may raise CameraError."""
 
     def close(self, *, finish: bool) -> None:
-        """End, with all pictures rendered that were asked for, or else with the rest of them cancelled."""
+        """End, once all requested pictures are rendered, or with the remaining ones cancelled."""
 
 
 class ThreadPool:
-    """One picture after another in this process: no start-up time."""
+    """Renders one picture after another in this process, without start-up time."""
 
     def __init__(self, scene: Callable[[], Scene]) -> None:
         """`scene` is called for the first picture."""
@@ -101,7 +101,7 @@ class ThreadPool:
 
 
 class ProcessPool:
-    """A picture per process at a time. The processes start at once and prepare the scene in the background."""
+    """Renders one picture per process. The processes start at once and prepare the scene in the background."""
 
     def __init__(self, scene: Scene, processes: int) -> None:
         self._scene = scene

@@ -1,4 +1,4 @@
-"""Which parameters a session can identify: simulated sessions, and how near they come to the truth."""
+"""Finds the parameters that a session can identify, by the errors that are left after simulated sessions."""
 
 from __future__ import annotations
 
@@ -48,18 +48,23 @@ def _trials(
     contexts = task.context.sample(rng, TRIALS)
     actions, drawn = policy.actions(contexts), Disturbances.at_random(task, TRIALS, rng)
     where, executed = np.tile(target, (TRIALS, 1)), actions + drawn.error
-    success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, drawn.nuisance, contexts))
+    predicted = solver.outcomes(where, executed, drawn.nuisance, contexts).mean_of_ensemble
     paths = solver.trajectories(where, executed, drawn.nuisance, contexts)
     paths = paths + solver.residual_std * rng.standard_normal(paths.shape)
     observations = task.observation.with_noise(paths, rng)
-    ends = [e if rng.random() < chance else None for e, chance in zip(end, success, strict=True)]
-    earned = [0.0 if e is None else float(task.reward_of_success(e, c)) for e, c in zip(ends, contexts, strict=True)]
+    ends = [
+        e if rng.random() < chance else None for e, chance in zip(predicted.end_state, predicted.success, strict=True)
+    ]
+    failed = np.zeros(TRIALS) if predicted.failure_reward is None else predicted.failure_reward
+    earned = [
+        float(f if e is None else task.reward_of_success(e, c)) for e, c, f in zip(ends, contexts, failed, strict=True)
+    ]
     rows = zip(contexts, actions, observations, earned, ends, strict=True)
     return tuple(Trial(c, a, o, r, e) for c, a, o, r, e in rows)
 
 
 def in_words(left: float) -> str:
-    """How far a session finds a parameter, by the fraction of its error that is left."""
+    """A word for the success of a session in finding a parameter, from the fraction of its error that is left."""
     if left < SETTLES:
         return "found within a session"
     return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

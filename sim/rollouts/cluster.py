@@ -33,7 +33,7 @@ def dask_cluster(scheduler: str, warn: Warn = lambda sentence: None) -> Iterator
     """The workers of a running Dask cluster, `scheduler` being its address, e.g. tcp://127.0.0.1:8786.
 
     If a worker is lost, the scheduler repeats its calls elsewhere, and each result is taken once. A worker that would
-    compute other numbers is left out, whenever it comes, and `warn` hears of it. Raises ExtraMissing, and
+    compute other numbers is left out, whenever it joins, and is reported to `warn`. Raises ExtraMissing, and
     ClusterUnavailable if nobody answers there, no worker is up, or every worker would compute other numbers.
     """
     try:
@@ -120,7 +120,7 @@ class _Unlike:
 
 
 def _on_worker(here: Mapping[str, str | None], call: Callable[..., Any], *arguments: Any) -> Any:
-    """On a worker, which may have come after the others: call if its versions are those of the program."""
+    """Runs on a worker, which may have joined later, and calls only if its versions are those of the program."""
     from distributed import get_worker  # noqa: PLC0415 - an extra
 
     difference = _difference(versions(), here)

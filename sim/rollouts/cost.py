@@ -1,4 +1,4 @@
-"""The time that rollouts take on this computer, said before they begin."""
+"""The time that rollouts take on this computer, which is stated before they begin."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from sim.rollouts.dataset import draw_requests
 from sim.tasks.task import Task
 
@@ -29,7 +29,7 @@ class RolloutCost:
         return self.seconds >= SLOW_S
 
     def in_words(self, rollouts: int, processes: int = 0) -> str:
-        """How long so many rollouts take on this computer, for a person."""
+        """The time for this number of rollouts on this computer, in words."""
         cores = processes or usable_cores()
         total = self.seconds * rollouts / cores
         sooner = ", sooner if the error stops falling" if self.is_slow else ""

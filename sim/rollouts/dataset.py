@@ -14,7 +14,7 @@ import zipfile
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ class Dataset:
         same = bool((self.requests.context == self.requests.context[:1]).all())
         names = ("parameters", "action", "nuisance") if same else ("parameters", "context", "action", "nuisance")
         columns = {name: getattr(self.requests, name) for name in names}
-        return columns_digest(columns | {f.name: getattr(self.rollouts, f.name) for f in fields(Rollouts)})[:16]
+        return columns_digest(columns | self.rollouts.columns)[:16]
 
     def select(self, rows: NDArray[np.intp]) -> tuple[Requests, Rollouts]:
         """The chosen rollouts."""

@@ -11,7 +11,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from types import ModuleType
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 from sim.rollouts.cluster import Warn, dask_cluster
 
 _WORKER = str(Path(__file__).with_name("worker.py"))
@@ -21,14 +21,14 @@ _WORKER = str(Path(__file__).with_name("worker.py"))
 def simulating_executor(
     workers: int = 0, scheduler: str = "", warn: Warn = lambda sentence: None
 ) -> AbstractContextManager[Executor]:
-    """Where a command simulates: on the workers of the Dask `scheduler`, if it names one; else on `workers` processes
-    of this computer (0: one per usable core). The numbers are the same. `warn` and errors: see `dask_cluster`.
+    """The executor of a command: the workers of the Dask `scheduler`, if it names one, else `workers` processes of this
+    computer (0: one per usable core). The numbers are the same. `warn` and errors: see `dask_cluster`.
     """
     return dask_cluster(scheduler, warn) if scheduler else process_pool(workers or None)
 
 
 def serial_executor() -> ThreadPoolExecutor:
-    """One rollout after another in this process: no start-up time, one core."""
+    """Runs one rollout after another in this process, on one core and without start-up time."""
     return ThreadPoolExecutor(1, thread_name_prefix="rollouts")
 
 
@@ -45,7 +45,7 @@ _GUARD = re.compile(r"__name__\s*==|==\s*__name__")
 
 
 class _FreshProcess(SpawnProcess):
-    """A worker that does not run a script again which begins its work without `if __name__ == "__main__":`."""
+    """Keeps a worker from running a script again that begins its work without `if __name__ == "__main__":`."""
 
     def start(self) -> None:
         """See `Process`."""
@@ -67,7 +67,9 @@ class _FreshContext(SpawnContext):
 
 
 def _is_guarded(file: str | None) -> bool:
-    """Whether a worker may import a script: only where that compares its name. Without a file nothing is imported."""
+    """Whether a worker may import a script, which is so only if the script compares its name. Without a file nothing is
+    imported.
+    """
     try:
         return file is None or bool(_GUARD.search(Path(file).read_text(encoding="utf-8", errors="replace")))
     except OSError:

@@ -30,7 +30,7 @@ def nowhere(rollouts: int) -> AbstractContextManager[Progress]:
 
 @dataclass(eq=False)
 class KeptRollouts:
-    """A `sim.rollouts.run.Roll` that simulates only what it has not simulated before.
+    """A `sim.rollouts.run.Roll` that simulates only new requests.
 
     Unlike `CachedRollouts` it finds each rollout by itself, whichever call asked for it first.
     """
@@ -41,15 +41,15 @@ class KeptRollouts:
     progress: OpenProgress = nowhere
     seconds: float = 0.0  # that a rollout takes on one core; 0: not measured
     simulated: int = 0  # by this object
-    _places: dict[bytes, int] = field(default_factory=dict, repr=False)  # of a request, in `_known`
-    _known: Rollouts | None = field(default=None, repr=False)
+    _places: dict[bytes, int] = field(default_factory=dict, repr=False)  # of a request, in `_rollouts`
+    _rollouts: Rollouts | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.folder is not None:
             self.keep_in(self.folder)
 
     def keep_in(self, folder: Path) -> None:
-        """Take what the folder holds, and store there what is simulated from now on."""
+        """Use the rollouts in the folder, and store new ones there."""
         self.folder = folder
         for path in sorted(folder.glob("*.npz")):
             if (contents := read_shard(path)) is not None:  # a damaged file is simulated again
@@ -70,8 +70,8 @@ class KeptRollouts:
         missing = sorted(row for key, row in first.items() if key not in self._places)
         if missing:
             self._simulate(requests[np.array(missing)])
-        assert self._known is not None, "a request is known or was simulated"
-        return self._known[np.array([self._places[key] for key in keys])]
+        assert self._rollouts is not None, "a request is known or was simulated"
+        return self._rollouts[np.array([self._places[key] for key in keys])]
 
     def _simulate(self, requests: Requests) -> None:
         """Simulate requests, and store each part once it is complete."""
@@ -85,8 +85,8 @@ class KeptRollouts:
                 self._take(part, rollouts)
 
     def _take(self, requests: Requests, rollouts: Rollouts) -> None:
-        before = 0 if self._known is None else len(self._known)
-        self._known = rollouts if self._known is None else concatenate([self._known, rollouts])
+        before = 0 if self._rollouts is None else len(self._rollouts)
+        self._rollouts = rollouts if self._rollouts is None else concatenate([self._rollouts, rollouts])
         self._places |= {key: before + row for row, key in enumerate(_keys(requests))}
 
 

@@ -1,4 +1,4 @@
-"""Recorded trials: reality as a set of experiments that somebody made, each with its action and its trajectory."""
+"""Recorded trials. Reality is a set of experiments that somebody made, each with its action and its trajectory."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class RecordedTrials:
         self._check_states(i)
 
     def _check_times(self, name: str, t_s: Array, track: ObjectTrack) -> None:
-        """Refuse the times of another clock or unit, and those that leave the observation open."""
+        """Refuse times of another clock or unit, and times that do not cover the observation."""
         observation = self.task.observation
         end_s = float(observation.times_s[-1])
         inside = t_s[: int(np.searchsorted(t_s, end_s)) + 1]
@@ -165,7 +165,7 @@ class RecordedTrials:
             )
 
     def _check_states(self, i: int) -> None:
-        """Refuse states of another unit or of other columns, by where the task's object can be."""
+        """Refuse states of another unit or of other columns, by the places that the task's object can reach."""
         name, track, task = self.names[i], self.tracks[i], self.task
         observation = task.observation
         columns, wide = list(observation.columns), WIDENED * (observation.high - observation.low)
@@ -246,7 +246,9 @@ def rests(task: Task, track: ObjectTrack) -> bool:
 
 
 def start_offset_m(task: Task, track: ObjectTrack, context: Array | None) -> Array | None:
-    """(2,) how far from its known start the object lies at time 0; None: the task does not say, or it was not seen."""
+    """(2,) the object's place at time 0 relative to its known start; None if the task states no start, or the object
+    was not seen.
+    """
     place_m = start_m(task, context)
     if place_m is None or track.t_s[0] > 0.0 or track.t_s[-1] < 0.0:
         return None
@@ -254,7 +256,7 @@ def start_offset_m(task: Task, track: ObjectTrack, context: Array | None) -> Arr
 
 
 def frame_aside(offsets_m: Sequence[Array | None]) -> str:
-    """A sentence about starts (2,) that all lie aside of their places by the same way: another frame; "" if not."""
+    """A sentence about starts (2,) that are all shifted by the same vector, as in another frame; "" if they are not."""
     starts = np.array([offset for offset in offsets_m if offset is not None]).reshape(-1, 2)
     if len(starts) < _ASIDE_TRIALS:
         return ""
@@ -270,7 +272,7 @@ def frame_aside(offsets_m: Sequence[Array | None]) -> str:
 
 
 def start_m(task: Task, context: Array | None) -> Array | None:
-    """(2,) where the object of a trial in a context (c,) begins; None: the task does not say."""
+    """(2,) the object's place at the start of a trial in a context (c,); None if the task does not state it."""
     hardware = task.hardware
     if hardware is None:
         return None

@@ -24,11 +24,13 @@ def _unclipped(task: Task, end: Array, context: Array) -> Array:
 
 def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
     """Sentences about rewards that are no numbers from 0 to 1, or that differ in a stack of trials."""
-    right = "rewards are numbers from 0 to 1 (`reward_of_success`)"
+    where = "reward" if task.file else "reward_of_success"
+    right = f"rewards are numbers from 0 to 1 (`{where}`)"
     for one in rolls:
         try:
             end = task.end_of(one.track)
             if end is None:
+                yield from _failure(task, one, right)
                 continue
             end = np.atleast_1d(end)
             reward = np.asarray(_unclipped(task, end, one.context))
@@ -44,6 +46,12 @@ def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[s
         if not (np.isfinite(value) and 0.0 <= value <= 1.0 + 1e-9):
             yield f"the task {task.name} gives the reward {value:g} with {described(task, one)}: {right}"
         yield from _stacks(task, end, one.context, value)
+
+
+def _failure(task: Task, one: SampledRollout, right: str) -> Iterator[str]:
+    value = task.failure_reward(one.track)
+    if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+        yield f"the task {task.name} gives a failure the reward {value:g} with {described(task, one)}: {right}"
 
 
 def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[str]:
@@ -65,11 +73,11 @@ def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[st
 def reward_tells(task: Task, rolls: Sequence[SampledRollout], rng: np.random.Generator) -> Iterator[TaskFinding]:
     """Whether the reward depends on the end of a trial."""
     check = "the reward tells trials apart"
-    ends = [np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None]
-    if not ends:
+    scored = [(one, np.atleast_1d(end)) for one in rolls if (end := task.end_of(one.track)) is not None]
+    if not scored:
         yield TaskFinding(check, "doubtful", f"none of {len(rolls)} rollouts is a success, so no reward was seen")
         return
-    rows = np.stack(ends)
+    rows = np.stack([end for _, end in scored])
     width = np.maximum(np.ptp(rows, axis=0), 1e-9)
     tried = np.concatenate([rows, rows.min(0) - width + 3.0 * width * rng.random((_ENDS, rows.shape[1]))])
     contexts = task.context.sample(rng, len(tried))
@@ -90,8 +98,10 @@ def reward_tells(task: Task, rolls: Sequence[SampledRollout], rng: np.random.Gen
             f"the reward of {task.name} ignores the end of a trial: at one context it is always {fixed[0]:g}",
         )
         return
-    mean = float(np.mean([task.reward_of_success(e, one.context) for e, one in zip(ends, rolls, strict=False)]))
-    if mean in (0.0, 1.0):
-        yield TaskFinding(check, "doubtful", f"each of {len(ends)} rollouts earns {mean:g}: is any action worth more?")
+    earned = np.array([float(task.reward_of_success(end, one.context)) for one, end in scored])
+    if np.ptp(earned) == 0.0:
+        summary = f"each of {len(scored)} rollouts earns {earned[0]:g}: is any action worth more?"
+        yield TaskFinding(check, "doubtful", summary)
         return
-    yield TaskFinding(check, "kept", f"{len(ends)} rollouts earn {mean:.2f} on average")
+    summary = f"{len(scored)} rollouts earn {earned.mean():.2f} on average, and at most {earned.max():.2f}"
+    yield TaskFinding(check, "kept", summary)

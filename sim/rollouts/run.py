@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, fields
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import ClusterUnavailable, RolloutError, SimError, TaskError
-from sim.tasks.task import SimulateMany, Task
+from sim.tasks.task import PredictedOutcomes, SimulateMany, Task
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
 """`Rollouts.outcome` holds indices into this tuple."""
@@ -78,21 +79,39 @@ class Rollouts:
     end_state: Array  # (N, k); not a number where there is none
     succeeded: NDArray[np.bool_]  # (N,)
     outcome: NDArray[np.int8]  # (N,) index into OUTCOMES
+    failure_reward: Array | None = None  # (N,) of failures; None: in this task they earn nothing
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            getattr(self, field.name).flags.writeable = False
+        for column in self.columns.values():
+            column.flags.writeable = False
 
     def __len__(self) -> int:
         return len(self.succeeded)
 
     def __getitem__(self, index: slice | NDArray[np.int64]) -> Rollouts:
-        return Rollouts(*(getattr(self, field.name)[index] for field in fields(self)))
+        return Rollouts(**{name: column[index] for name, column in self.columns.items()})
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Name -> array, without what this task does not give."""
+        named = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: column for name, column in named.items() if column is not None}
 
     def rewards(self, task: Task, context: Array) -> Array:
         """(N,) rewards of the rollouts if scored at `context` (N, c)."""
-        end = np.where(self.succeeded[:, None], self.end_state, 0.0)
-        return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
+        failed = 0.0 if self.failure_reward is None else self.failure_reward
+        return np.where(self.succeeded, task.reward_of_success(self.successful_ends, context), failed)
+
+    @property
+    def successful_ends(self) -> Array:
+        """(N, k) the end states, 0 for a failure."""
+        return np.where(self.succeeded[:, None], self.end_state, 0.0)
+
+    def outcomes(self, shape: tuple[int, ...]) -> PredictedOutcomes:
+        """The rollouts as predictions that are certain, with the leading axes `shape`."""
+        failed = None if self.failure_reward is None else self.failure_reward.reshape(shape)
+        ends = self.successful_ends.reshape(*shape, -1)
+        return PredictedOutcomes(self.succeeded.astype(np.float64).reshape(shape), ends, failed)
 
     def ends(self) -> tuple[Array | None, ...]:
         """The end state (k,) of each success; None for a failure."""
@@ -106,7 +125,7 @@ Roll = Callable[[Requests], Rollouts]
 def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
     """All rollouts as one, in the order of the parts."""
     rows = list(parts)
-    return Rollouts(*(np.concatenate([getattr(r, f.name) for r in rows]) for f in fields(Rollouts)))
+    return Rollouts(**{name: np.concatenate([r.columns[name] for r in rows]) for name in rows[0].columns})
 
 
 def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll:
@@ -126,7 +145,7 @@ def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll
 
 
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
-    """Simulate every request, in their order; raises as `run_parts`."""
+    """The rollouts of all requests, in their order. Raises the same errors as `run_parts`."""
     (rollouts,) = run_parts(task, [requests], executor, progress)
     return rollouts
 
@@ -240,7 +259,7 @@ def _silent(done: int, total: int) -> None:
 
 
 def _run_chunk(task: Task, requests: Requests) -> Rollouts:
-    """In a worker: simulate a few requests."""
+    """Simulate a few requests, in a worker."""
     tracks = [
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
@@ -251,16 +270,22 @@ def _run_chunk(task: Task, requests: Requests) -> Rollouts:
 
 def observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
     """The stored part of the tracks."""
+    succeeded = np.array([bool(task.succeeded(track)) for track in tracks])
+    failed = None
+    if task.reward_of_failure is not None:
+        pairs = zip(tracks, succeeded, strict=True)
+        failed = np.array([0.0 if good else task.failure_reward(track) for track, good in pairs])
     return Rollouts(
         observation=np.stack([task.observation(track) for track in tracks]),
         end_state=np.stack([np.atleast_1d(task.end_state(track)).astype(np.float64) for track in tracks]),
-        succeeded=np.array([bool(task.succeeded(track)) for track in tracks]),
+        succeeded=succeeded,
         outcome=np.array([OUTCOMES.index(track.outcome) for track in tracks], dtype=np.int8),
+        failure_reward=failed,
     )
 
 
 def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:
-    """Name the `lost` chunks of a part: the one that raised, or all possible causes of a killed process."""
+    """Name the `lost` chunks of a part: the one that raised, or all that may have killed the process."""
     requests, first = parts[lost[0].part], lost[0].start
     spans = [f"{c.start}-{c.end - 1}" if c.end - c.start > 1 else str(c.start) for c in lost]
     which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")

@@ -1,4 +1,4 @@
-"""The rollouts by which a task is examined, and what a finding says."""
+"""The rollouts by which a task is examined, and the text of a finding."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPREAD, MOST = 24, 512
 
 @dataclass(frozen=True)
 class TaskFinding:
-    """One thing that a task keeps, or does not."""
+    """One rule that a task keeps or breaks."""
 
     check: str
     mark: Mark
@@ -58,8 +58,8 @@ class Cost:
 
 
 def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[SampledRollout], int]:
-    """Rollouts one at a time, the first of them at the middle, then each quantity at its ends, then all over; and how
-    many of them belong to the ends.
+    """Rollouts one at a time: the first at the middle, then each quantity at its ends, then everywhere; and the number
+    of those at the ends.
     """
     spaces = (task.margin, task.context, task.action, task.nuisance)
     middle = [np.asarray(space.middle) for space in spaces]
@@ -88,7 +88,7 @@ def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tu
 
 
 def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
-    """Two thirds from the first, so that a slow task is tried at its ends before all over."""
+    """Two thirds are at the ends, so that a slow task is tried there before everywhere else."""
     left, right, both = [*first], [*second], []
     while left or right:
         both += left[:2] + right[:1]

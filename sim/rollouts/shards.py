@@ -6,7 +6,7 @@ import hashlib
 import zipfile
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
 _REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
-_RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
+_RESULT_FIELDS = tuple(f.name for f in fields(Rollouts) if f.default is MISSING)
+_OPTIONAL_FIELDS = tuple(f.name for f in fields(Rollouts) if f.default is not MISSING)
 
 
 def read_manifest(path: Path, keys: Collection[str], again: str) -> dict[str, Any] | None:
@@ -52,7 +53,7 @@ def columns_digest(columns: dict[str, Any]) -> str:
 def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
     """Write one shard, whole or not at all, with a digest that `read_rollouts` checks."""
     columns = {name: getattr(requests, name) for name in _REQUEST_FIELDS}
-    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
+    columns |= results.columns
     digest = np.frombuffer(bytes.fromhex(columns_digest(columns)), dtype=np.uint8)
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, digest=digest, **columns)
@@ -74,14 +75,15 @@ def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
         return None
     try:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS)}
+            given = [name for name in _OPTIONAL_FIELDS if name in file]
+            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS, *given)}
             digest = file["digest"].tobytes().hex()
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     if digest != columns_digest(columns):
         return None
-    requests, results = ({name: columns[name] for name in names} for names in (_REQUEST_FIELDS, _RESULT_FIELDS))
-    return Requests(**requests), Rollouts(**results)
+    requests = {name: columns.pop(name) for name in _REQUEST_FIELDS}
+    return Requests(**requests), Rollouts(**columns)
 
 
 def split(requests: Requests, size: int, path_of: Callable[[int], Path]) -> dict[Path, Requests]:
@@ -109,9 +111,9 @@ def simulate_missing(task: Task, shards: Mapping[Path, Requests], executor: Exec
 def simulate_share(
     task: Task, shards: Mapping[Path, Requests], share: Share, executor: Executor, progress: Progress, before: int = 0
 ) -> int:
-    """Simulate the missing ones among the shards of one share, and return how many it has.
+    """Simulate the missing shards of one share, and return the number of its shards.
 
-    `before`: how many shards of the same work come before these. Raises as `run_parts`.
+    `before` is the number of shards of the same work that precede these. Raises as `run_parts`.
     """
     mine = dict(share.of(list(shards.items()), before))
     if mine:

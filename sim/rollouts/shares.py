@@ -1,4 +1,4 @@
-"""Shares of a piece of work, for processes that know nothing of each other: a job array, or several computers."""
+"""Shares of a piece of work for independent processes, such as those of a job array or of several computers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Share:
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= self.count:
-            raise ValueError(f"{self.number}/{self.count} is no share")
+            raise ValueError(f"{self.number}/{self.count} is not a share")
 
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
@@ -26,6 +26,6 @@ class Share:
     def of(self, items: Sequence[T], before: int = 0) -> list[T]:
         """Every `count`-th item, so that shares take about as long as each other.
 
-        `before`: how many items of the same work come before these.
+        `before` is the number of items of the same work that precede these.
         """
         return list(items[(self.number - 1 - before) % self.count :: self.count])

@@ -1,4 +1,4 @@
-"""What every task must keep, found by some rollouts: numbers, rewards, order, ranges, units, contexts.
+"""The rules for every task, checked by some rollouts: numbers, rewards, order, ranges, units, contexts.
 
 The rollouts vary one quantity at a time around a middle, then all of them at once. They are repeated in reverse order,
 so a state that is left in a shared model shows.
@@ -40,7 +40,7 @@ _SAMPLES = 16
 
 
 def require_sound(task: Task, rng: np.random.Generator, limit_s: float = 3.0) -> None:
-    """Raises RolloutError or TaskError for the first thing that the task does not keep."""
+    """Raises RolloutError or TaskError for the first rule that the task breaks."""
     for finding in examine(task, rng, limit_s):
         if finding.mark == "broken":
             raise RolloutError(finding.detail)
@@ -52,7 +52,7 @@ def examine(
     limit_s: float = 60.0,
     timed: Callable[[Cost], None] = lambda cost: None,
 ) -> Iterator[TaskFinding]:
-    """What the task keeps, one finding after another; the first broken one of a kind ends the rest of that kind.
+    """The findings about the task, one after another; the first broken rule of a kind ends the checks of that kind.
 
     Rollouts take about `limit_s`, at least nine of them. Raises TaskError for wrong values, RolloutError for a rollout
     that raises.

@@ -15,7 +15,15 @@ from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.interior import prefer_interior
-from sim.tasks.task import Executable, Expectations, SolvedPolicy, Solver, SolverSettings, Task
+from sim.tasks.task import (
+    Executable,
+    Expectations,
+    PredictedOutcomes,
+    SolvedPolicy,
+    Solver,
+    SolverSettings,
+    Task,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +32,11 @@ class Outcomes:
 
     task: Task
     actions: Array  # (A, a) in units
-    success: Array  # (..., S) chance
-    end_state: Array  # (..., S, k) of a success
+    predicted: PredictedOutcomes  # (..., S)
 
     def rewards(self, context: Array) -> Array:
         """(...,) expected rewards in one context."""
-        return np.asarray((self.success * self.task.reward_of_success(self.end_state, context)).mean(axis=-1))
+        return np.asarray(self.task.expected_reward(self.predicted, context).mean(axis=-1))
 
 
 def first_executable(
@@ -176,8 +183,8 @@ class ScenarioPolicy(CandidatePolicy):
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
         """Success (M, A, S) and end state (M, A, S, k)."""
         executed = actions[:, None, :] + self.drawn.error
-        values = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance, context)
-        return Outcomes(self.expectations.task, actions, *values)
+        predicted = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance, context)
+        return Outcomes(self.expectations.task, actions, predicted)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
         """(A,) lower ends over the ensemble."""
@@ -219,7 +226,7 @@ class FromOutcomes(ABC):
     @abstractmethod
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
+    ) -> PredictedOutcomes:
         """See `sim.tasks.task.Expectations`."""
 
     def expected_rewards(
@@ -230,14 +237,14 @@ class FromOutcomes(ABC):
         """
         drawn = Disturbances.evenly(self.task, draws if varies(self.task) else 1, rng)
         executed = actions[:, :, None, :] + drawn.error
-        success, end = self.outcomes(targets[:, None, None, :], executed, drawn.nuisance, contexts[..., None, :])
-        rewards = success * self.task.reward_of_success(end, contexts[..., None, :])  # (M, B, G, draws)
+        predicted = self.outcomes(targets[:, None, None, :], executed, drawn.nuisance, contexts[..., None, :])
+        rewards = self.task.expected_reward(predicted, contexts[..., None, :])  # (M, B, G, draws)
         return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) rewards of N executed trials, the mean of the ensemble."""
-        success, end = self.outcomes(parameters, action, nuisance, contexts)
-        return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
+        predicted = self.outcomes(parameters, action, nuisance, contexts)
+        return np.asarray(self.task.expected_reward(predicted, contexts).mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +260,7 @@ class PredictionsBehind(FromOutcomes):
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
+    ) -> PredictedOutcomes:
         """See `sim.tasks.task.Expectations`."""
         return self.behind.outcomes(parameters, action, nuisance, context)
 

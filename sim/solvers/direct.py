@@ -11,15 +11,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.rollouts.draws import Disturbances, cover, physical_contexts, sobol, varies
 from sim.rollouts.kept import KeptRollouts
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Requests
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
 from sim.solvers.simulated import FromSimulator
-from sim.tasks.task import Executable, SolverSettings, Task
+from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
 
 SCENARIOS, VARIED = 8, 4
 """Most parameters that stand for a distribution; and least number of draws, if trials of one action differ."""
@@ -76,15 +75,13 @@ class DirectSolver(FromSimulator):
             policy = policy.with_more(new, contexts, self._simulated(parameters, drawn, new, contexts))
         return policy
 
-    def _simulated(self, parameters: Array, drawn: Disturbances, actions: Array, contexts: Array) -> _Ends:
-        """The ends of actions (A, a) at contexts (A, c) for each of S scenarios."""
+    def _simulated(self, parameters: Array, drawn: Disturbances, actions: Array, contexts: Array) -> PredictedOutcomes:
+        """The outcomes (S, A) of actions (A, a) at contexts (A, c) for each of S scenarios."""
         shape = (len(parameters), len(actions))
         requests, _ = Requests.broadcast(
             parameters[:, None], contexts, actions + drawn.error[:, None], drawn.nuisance[:, None]
         )
-        rollouts: Rollouts = self.roll(requests)
-        ends = np.where(rollouts.succeeded[:, None], rollouts.end_state, 0.0)
-        return _Ends(rollouts.succeeded.reshape(shape), ends.reshape(*shape, -1))
+        return self.roll(requests).outcomes(shape)
 
 
 def scenarios_of(task: Task, samples: int) -> int:
@@ -106,17 +103,16 @@ def _width(task: Task) -> int:
     return len(task.action) + len(task.physical_context)
 
 
-@dataclass(frozen=True, eq=False)
-class _Ends:
-    """The ends of A simulated actions in S scenarios."""
-
-    success: NDArray[np.bool_]  # (S, A)
-    end: Array  # (S, A, k); 0 for a failure
-
-    def followed_by(self, other: _Ends) -> _Ends:
-        return _Ends(
-            np.concatenate([self.success, other.success], axis=1), np.concatenate([self.end, other.end], axis=1)
-        )
+def _followed_by(first: PredictedOutcomes, then: PredictedOutcomes) -> PredictedOutcomes:
+    """The outcomes (S, A) of some actions, and those of others."""
+    failed = None
+    if first.failure_reward is not None and then.failure_reward is not None:
+        failed = np.concatenate([first.failure_reward, then.failure_reward], axis=1)
+    return PredictedOutcomes(
+        np.concatenate([first.success, then.success], axis=1),
+        np.concatenate([first.end_state, then.end_state], axis=1),
+        failed,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +133,7 @@ class InterpolatedPolicy(CandidatePolicy):
     choices: _Choices
     simulated: Array  # (A, a) in units
     contexts: Array  # (A, c) in which each was simulated
-    ends: _Ends
+    ends: PredictedOutcomes  # (S, A) of the simulated actions
     _near: dict[tuple[bytes, int], Outcomes] = field(default_factory=dict, repr=False)
     _everywhere: dict[bytes, Outcomes] = field(default_factory=dict, repr=False)
 
@@ -170,11 +166,12 @@ class InterpolatedPolicy(CandidatePolicy):
         return self.choices.local
 
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
-        """Success (A, S) of the nearest simulated action, and interpolated end state (A, S, k)."""
-        at = self._place(actions, np.broadcast_to(self.task.simulated_in(context), (len(actions), len(context))))
+        """(A, S): of a failure as the nearest simulated action; the end state is interpolated."""
+        at = self._coordinates(actions, np.broadcast_to(self.task.simulated_in(context), (len(actions), len(context))))
         near = np.linalg.norm(at[:, None] - self._places, axis=-1).argmin(axis=1)
         ends = np.stack([interpolant(at) for interpolant in self._interpolants], axis=1)
-        return Outcomes(self.task, actions, self.ends.success[:, near].T.astype(np.float64), ends)
+        failed = None if self.ends.failure_reward is None else self.ends.failure_reward[:, near].T
+        return Outcomes(self.task, actions, PredictedOutcomes(self.ends.success[:, near].T, ends, failed))
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
         """(A,) mean rewards over the scenarios."""
@@ -188,7 +185,7 @@ class InterpolatedPolicy(CandidatePolicy):
             ranked, worth = self.ranked(context)
             at = self.task.simulated_in(context)
             for action in ranked[np.argsort(-worth, kind="stable")]:
-                place = self._place(action[None], at[None])
+                place = self._coordinates(action[None], at[None])
                 if len(actions) < ADDED and np.linalg.norm(places - place, axis=1).min() > APART:
                     actions.append(action)
                     contexts.append(at)
@@ -198,32 +195,32 @@ class InterpolatedPolicy(CandidatePolicy):
         shape = (len(actions), len(self.task.context))
         return np.array(actions).reshape(len(actions), len(self.task.action)), np.array(contexts).reshape(shape)
 
-    def with_more(self, actions: Array, contexts: Array, ends: _Ends) -> InterpolatedPolicy:
+    def with_more(self, actions: Array, contexts: Array, ends: PredictedOutcomes) -> InterpolatedPolicy:
         """The policy with further simulated actions."""
         return InterpolatedPolicy(
             self.task,
             self.choices,
             np.concatenate([self.simulated, actions]),
             np.concatenate([self.contexts, contexts]),
-            self.ends.followed_by(ends),
+            _followed_by(self.ends, ends),
         )
 
     def _rewards(self, outcomes: Outcomes, context: Array) -> Array:
         """(A, S)"""
-        return np.asarray(outcomes.success * self.task.reward_of_success(outcomes.end_state, context))
+        return self.task.expected_reward(outcomes.predicted, context)
 
-    def _place(self, actions: Array, contexts: Array) -> Array:
+    def _coordinates(self, actions: Array, contexts: Array) -> Array:
         moving = self.task.physical_context
         parts = [self.task.action.normalise(actions), moving.normalise(contexts[:, : len(moving)])]
         return np.concatenate(parts, axis=1)
 
     @cached_property
     def _places(self) -> Array:
-        return self._place(self.simulated, self.contexts)
+        return self._coordinates(self.simulated, self.contexts)
 
     @cached_property
     def _interpolants(self) -> tuple[_Interpolant, ...]:
-        of_scenarios = zip(self.ends.success, self.ends.end, strict=True)
+        of_scenarios = zip(self.ends.success > 0.0, self.ends.end_state, strict=True)
         return tuple(_Interpolant(self._places[good], end[good]) for good, end in of_scenarios)
 
 

@@ -21,7 +21,7 @@ from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
 from sim.storage.files import Tensors
-from sim.tasks.task import Expectations, Task
+from sim.tasks.task import Expectations, PredictedOutcomes, Task
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -37,13 +37,33 @@ PROBES = 8
 
 
 @dataclass(eq=False)
-class _Known:
+class _PointRollouts:
     """The rollouts of one action so far, by points of the grid."""
 
     done: NDArray[np.bool_]  # (K,)
     success: Array  # (K,)
     end: Array  # (K, k)
     observation: Array  # (K, size)
+    failure_reward: Array  # (K,)
+
+    @classmethod
+    def empty(cls, rows: int, end: int, observation: int) -> _PointRollouts:
+        """No rollout at any of so many points; end states and observations have so many values."""
+        sizes = np.zeros((rows, end)), np.zeros((rows, observation))
+        return cls(np.zeros(rows, dtype=bool), np.zeros(rows), *sizes, np.zeros(rows))
+
+    def take(self, at: NDArray[np.intp] | slice, rolled: Rollouts) -> None:
+        """Take rollouts at points of the grid as simulated."""
+        self.done[at] = True
+        self.success[at] = rolled.succeeded
+        self.end[at] = rolled.successful_ends
+        self.observation[at] = rolled.observation
+        self.failure_reward[at] = 0.0 if rolled.failure_reward is None else rolled.failure_reward
+
+    def copy(self, rows: NDArray[np.intp], other: _PointRollouts, at: NDArray[np.intp]) -> None:
+        """Set rows to the rollouts of another one at points of the grid."""
+        for f in fields(self):
+            getattr(self, f.name)[rows] = getattr(other, f.name)[at]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +74,7 @@ class GridSolver(FromOutcomes):
     points: Array  # (K, p) the grid, in units
     contexts: Array  # (K, c) in which each point is simulated
     probes: Array  # (P, a) actions by which the error of the grid is measured
-    _known: dict[bytes, _Known] = field(default_factory=dict, repr=False)  # by context, action and nuisance
+    _simulated: dict[bytes, _PointRollouts] = field(default_factory=dict, repr=False)  # by context, action and nuisance
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_array(self.points, (None, len(self.task.parameters)), "points"))
@@ -70,11 +90,12 @@ class GridSolver(FromOutcomes):
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
+    ) -> PredictedOutcomes:
         """Success (1, ...), and the end state (1, ..., k), 0 after a failure."""
         requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
-        lookup = self._looked_up(requests)
-        return lookup.success.reshape(1, *lead), lookup.end.reshape(1, *lead, -1)
+        lookup, shape = self._looked_up(requests), (1, *lead)
+        failed = None if self.task.reward_of_failure is None else lookup.failure_reward.reshape(shape)
+        return PredictedOutcomes(lookup.success.reshape(shape), lookup.end.reshape(*shape, -1), failed)
 
     @cached_property
     def residual_std(self) -> Array:
@@ -94,10 +115,8 @@ class GridSolver(FromOutcomes):
 
     def remember(self, action: Array, nuisance: Array, rollouts: Rollouts) -> None:
         """Take the rollouts of an action (a,) at every point of the grid as simulated."""
-        end = np.where(rollouts.succeeded[:, None], rollouts.end_state, 0.0)
-        self._known[_key(action, nuisance)] = _Known(
-            np.ones(len(self.points), dtype=bool), rollouts.succeeded.astype(np.float64), end, rollouts.observation
-        )
+        entry = self._simulated[_key(action, nuisance)] = self._nothing(rollouts)
+        entry.take(slice(None), rollouts)
 
     def requests(self, actions: Array) -> Requests:
         """The rollouts of actions (A, a) at every point, action by action; none if trials of an action differ."""
@@ -121,9 +140,11 @@ class GridSolver(FromOutcomes):
     def tensors(self) -> dict[str, Array]:
         """The rollouts of all actions that are known at every point, for a checkpoint; `restore` reads them."""
         a = len(self.task.action)
-        whole = {key: one for key, one in self._known.items() if one.done.all()}
+        whole = {key: one for key, one in self._simulated.items() if one.done.all()}
         inputs = [(np.frombuffer(key[: 8 * a]), np.frombuffer(key[8 * a :])) for key in whole]
-        names = {f.name for f in fields(_Known)} - {"done"}
+        names = {f.name for f in fields(_PointRollouts)} - {"done"}
+        if self.task.reward_of_failure is None:
+            names -= {"failure_reward"}
         if not whole:
             return {}
         return {
@@ -135,59 +156,55 @@ class GridSolver(FromOutcomes):
         """Take stored rollouts as simulated. Raises CheckpointError if they are not of this grid."""
         try:
             rows = [tensors[name] for name in ("actions", "nuisance", "success", "end", "observation")]
-            for action, nuisance, success, end, observation in zip(*rows, strict=True):
+            unpaid = self.task.reward_of_failure is None
+            rows.append(np.zeros_like(tensors["success"]) if unpaid else tensors["failure_reward"])
+            for action, nuisance, success, *others in zip(*rows, strict=True):
                 if len(success) != len(self.points):
                     raise CheckpointError(
                         f"the checkpoint's grid has {len(success)} points, and this version uses {len(self.points)}: "
                         "pretrain again"
                     )
                 done = np.ones(len(self.points), dtype=bool)
-                self._known[_key(action, nuisance)] = _Known(done, success, end, observation)
+                self._simulated[_key(action, nuisance)] = _PointRollouts(done, success, *others)
         except (KeyError, ValueError) as error:
             raise CheckpointError(f"the checkpoint's grid is incomplete ({error}): pretrain again") from error
 
-    def _looked_up(self, requests: Requests) -> _Known:
+    def _looked_up(self, requests: Requests) -> _PointRollouts:
         """The rollouts of N rows; the missing ones are simulated."""
-        _, nearest = self._tree.query(self._place(requests.parameters, requests.context))
+        _, nearest = self._tree.query(self._coordinates(requests.parameters, requests.context))
         at = np.asarray(nearest, dtype=np.intp)
         pairs = np.ascontiguousarray(np.concatenate([requests.action, requests.nuisance], axis=1))
         _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
         a, rows, order = requests.action.shape[1], len(at), np.argsort(which, kind="stable")
-        table: _Known | None = None
+        table: _PointRollouts | None = None
         for one, here in zip(first, np.split(order, np.cumsum(np.bincount(which))[:-1]), strict=True):
             entry = self._outcomes_at(pairs[one, :a], pairs[one, a:], at[here])
             if table is None:
-                k, size = entry.end.shape[1], entry.observation.shape[1]
-                table = _Known(np.ones(rows, dtype=bool), np.zeros(rows), np.zeros((rows, k)), np.zeros((rows, size)))
-            table.success[here] = entry.success[at[here]]
-            table.end[here] = entry.end[at[here]]
-            table.observation[here] = entry.observation[at[here]]
+                table = _PointRollouts.empty(rows, entry.end.shape[1], entry.observation.shape[1])
+            table.copy(here, entry, at[here])
         if table is None:
             raise ValueError("no rollouts were asked for")
         return table
 
-    def _outcomes_at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
+    def _outcomes_at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _PointRollouts:
         """The known outcomes of an action, at least at `points`."""
-        task, key, count = self.task, _key(action, nuisance), len(self.points)
-        entry = self._known.get(key)
+        task, key = self.task, _key(action, nuisance)
+        entry = self._simulated.get(key)
         missing = np.unique(points if entry is None else points[~entry.done[points]])
         if len(missing):
             at = zip(self.points[missing], self.contexts[missing], strict=True)
             rolled = observed(task, [task.simulate(p, context, action, nuisance) for p, context in at])
             if entry is None:
-                k, size = rolled.end_state.shape[1], rolled.observation.shape[1]
-                entry = _Known(
-                    np.zeros(count, dtype=bool), np.zeros(count), np.zeros((count, k)), np.zeros((count, size))
-                )
-                self._known[key] = entry
-            entry.done[missing] = True
-            entry.success[missing] = rolled.succeeded
-            entry.end[missing] = np.where(rolled.succeeded[:, None], rolled.end_state, 0.0)
-            entry.observation[missing] = rolled.observation
+                entry = self._simulated[key] = self._nothing(rolled)
+            entry.take(missing, rolled)
         assert entry is not None
         return entry
 
-    def _place(self, parameters: Array, contexts: Array) -> Array:
+    def _nothing(self, like: Rollouts) -> _PointRollouts:
+        """No rollout yet at any point, of the sizes of others."""
+        return _PointRollouts.empty(len(self.points), like.end_state.shape[1], like.observation.shape[1])
+
+    def _coordinates(self, parameters: Array, contexts: Array) -> Array:
         """(N, p), (N, c) -> (N, d): the coordinates in which the nearest point of the grid is found."""
         moving = self.task.physical_context
         parts = [self.task.margin.normalise(parameters), moving.normalise(contexts[:, : len(moving)])]
@@ -206,14 +223,14 @@ class GridSolver(FromOutcomes):
     @cached_property
     def _apart(self) -> Array:
         """(P, K, size) differences of these trajectories between each point and the one nearest to it."""
-        _, near = self._tree.query(self._place(self.points, self.contexts), k=2)
+        _, near = self._tree.query(self._coordinates(self.points, self.contexts), k=2)
         return np.asarray(self._paths - self._paths[:, near[:, 1]])
 
     @cached_property
     def _tree(self) -> cKDTree:
         from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, and a list of checkpoints needs none
 
-        return cKDTree(self._place(self.points, self.contexts))
+        return cKDTree(self._coordinates(self.points, self.contexts))
 
 
 def grid_solver(task: Task) -> ListedActionSolver:

@@ -1,9 +1,9 @@
-"""Among actions that look equal, the one whose surroundings are good as well.
+"""Chooses, among actions that look equal, the one whose surroundings are good as well.
 
 Over all of Omega many actions earn the same in simulation, and the solver's choice among them is arbitrary, often at an
-end of the ranges. Reality differs from every simulator, and what differs acts like another action: so an action is
-safer if its neighbours earn much, too. Beyond the ranges nothing is known, and the outside counts as a failure. The
-rule knows the simulator alone.
+end of the ranges. Reality differs from every simulator, and this difference acts like a change of the action. So an
+action is safer if its neighbours also earn much. Beyond the ranges nothing is known, and the outside counts as a
+failure. The rule uses only the simulator.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from sim.rollouts.draws import cover
 from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Progress
 from sim.rollouts.shards import simulate_missing, split
+from sim.rollouts.shares import Share
 from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import PROBES, grid_behind, grid_of
 from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
@@ -54,25 +55,45 @@ def train_library(task: Task, folder: Path, seed: int, executor: Executor, progr
 
     Raises TaskError if a training fails.
     """
+    return PolicyLibrary(_trained(_orders(task, folder, seed), executor, progress))
+
+
+def train_share(task: Task, folder: Path, seed: int, share: Share, executor: Executor, progress: Progress) -> bool:
+    """Train the missing members of one share of the library, and say whether all members are there now.
+
+    Raises TaskError if a training fails.
+    """
+    orders = _orders(task, folder, seed)
+    _trained(share.of(orders), executor, progress)
+    return all((order[-1] / POLICY).exists() for order in orders)
+
+
+Order = tuple[Task, str, Array, Array, int, Path]
+"""The arguments of `train_member`."""
+
+
+def _orders(task: Task, folder: Path, seed: int) -> list[Order]:
+    """The members of a library: the first for all of Omega, the others at points that fill it evenly."""
     assert task.training is not None
     count = task.training.policies
     rng = np.random.default_rng(seed)
     places = np.concatenate([task.parameters.middle[None], cover(task.parameters, count - 1, rng)])
     seeds = [int(s) for s in rng.integers(2**31, size=count)]
     samples = [cover(task.parameters, EVERYWHERE, rng), *(_near(task, place, rng) for place in places[1:])]
-    progress(0, count)
-    jobs = [
-        executor.submit(train_member, task, _name(i), samples[i], places[i], seeds[i], folder / _name(i))
-        for i in range(count)
-    ]
+    return [(task, _name(i), samples[i], places[i], seeds[i], folder / _name(i)) for i in range(count)]
+
+
+def _trained(orders: Sequence[Order], executor: Executor, progress: Progress) -> tuple[Member, ...]:
+    progress(0, len(orders))
+    jobs = [executor.submit(train_member, *order) for order in orders]
     try:
         for done, job in enumerate(as_completed(jobs), start=1):
             job.result()
-            progress(done, count)
+            progress(done, len(orders))
     finally:
         for job in jobs:
             job.cancel()
-    return PolicyLibrary(tuple(job.result() for job in jobs))
+    return tuple(job.result() for job in jobs)
 
 
 def _name(number: int) -> str:
@@ -91,7 +112,7 @@ def trained_within(
 ) -> Member | None:
     """The policy for parameters (p,), trained in a process of its own and stored as `folder`; None after `limit_s`.
 
-    A training that was stopped once leaves a note, and is not begun again. `waiting` gets the seconds so far. Raises
+    A note is kept of a training that was stopped, and it is not begun again. `waiting` gets the seconds so far. Raises
     TaskError if the training fails.
     """
     note = folder.with_name(f"{folder.name}.stopped")

@@ -1,4 +1,4 @@
-"""How far an observed trajectory lies from anything that the simulator can produce."""
+"""The distance of an observed trajectory from all that the simulator can produce."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def observed_share(observation: Array) -> float:
 def squares(expectations: Expectations, observation: Array, paths: Array) -> Array:
     """(...,) mean squares of that distance to expected trajectories (..., size) in the same context.
 
-    Over the observed values alone: those that are missing (NaN) count for nothing; 0 if all are.
+    The mean is over the observed values; missing ones (NaN) are left out, and the result is 0 if all are missing.
     """
     off = offsets(expectations, observation, paths)
     return np.asarray((off**2).mean(axis=-1)) if off.shape[-1] else np.zeros(off.shape[:-1])

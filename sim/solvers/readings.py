@@ -1,7 +1,7 @@
-"""Recorded trials against their own commands: does another reading of the tables fit the simulator much better?
+"""Compares recorded trials with their commands: does another reading of the tables fit the simulator much better?
 
 A flipped axis, a turned frame, a film at another rate, a late clock, or trajectories that belong to other trials leave
-every value inside its range. They do contradict the simulator: for no parameters do the trials go as recorded.
+every value inside its range. But they contradict the simulator, which cannot reproduce such trials with any parameters.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class TableReading:
 
 
 def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
-    """The table as it is written, first, and every other reading of it."""
+    """First the table as it is written, then every other reading of it."""
     task, tracks = trials.task, trials.tracks
     times_s, columns = task.observation.times_s, list(task.observation.columns)
 
@@ -100,7 +100,7 @@ def _flip(column: int, columns: int) -> Callable[[Array, Array], Array]:
 
 @dataclass(frozen=True, eq=False)
 class ReadingFit:
-    """How well one reading of a table fits the simulator, at the parameters that suit the whole table best."""
+    """The fit of one reading of a table to the simulator, at the parameters that suit the whole table best."""
 
     words: str
     cost: float  # mean over the trials, robust; 0: perfect

@@ -1,4 +1,4 @@
-"""Expectations by true rollouts: what a solver answers that has only the simulator.
+"""Expectations by true rollouts, for a solver that has only the simulator.
 
 Expected rewards are means of `REWARD_ROLLOUTS` (unbiased, but noisy); trial rewards and trajectories are the
 simulator's own.
@@ -13,7 +13,7 @@ import numpy as np
 from hw.types import Array
 from sim.rollouts.draws import Disturbances
 from sim.rollouts.run import Requests, Roll
-from sim.tasks.task import Task
+from sim.tasks.task import PredictedOutcomes, Task
 
 REWARD_ROLLOUTS = 8
 """Rollouts behind one expected reward.
@@ -61,12 +61,10 @@ class FromSimulator(ABC):
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
+    ) -> PredictedOutcomes:
         """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
         requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
-        done = self.roll(requests)
-        ends = np.where(done.succeeded[:, None], done.end_state, 0.0)
-        return done.succeeded.astype(np.float64).reshape(1, *lead), ends.reshape(1, *lead, -1)
+        return self.roll(requests).outcomes((1, *lead))
 
     @property
     def residual_std(self) -> Array:

@@ -34,5 +34,5 @@ def one_blas_thread() -> Iterator[None]:
 
 @lru_cache
 def _libraries() -> ThreadpoolController:
-    """Controls of the BLAS libraries that are loaded by now, numpy's among them."""
+    """Controls of the BLAS libraries that are loaded now, numpy's among them."""
     return ThreadpoolController()

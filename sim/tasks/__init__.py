@@ -10,7 +10,6 @@ from __future__ import annotations
 import copyreg
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,18 +26,15 @@ TASKS = {
 """Name -> module with the `TASK`, for our tasks."""
 
 
-def _ours(module: str) -> Task:
-    task: Task = import_module(module).TASK
-    return task
-
-
 def _complaint(name: str, task: object) -> str:
     if isinstance(task, Task):
         return "" if task.name == name else f'is called "{task.name}"; both names must agree'
     return f"is a {type(task).__name__}, not a Task"
 
 
-REGISTRY = Registry[Task]("task", "adaptsim.tasks", "TASK", TASKS, UnknownName, _ours, _complaint)
+REGISTRY = Registry[Task](
+    label="task", group="adaptsim.tasks", attribute="TASK", ours=TASKS, error=UnknownName, complaint=_complaint
+)
 
 
 def task_names() -> tuple[str, ...]:

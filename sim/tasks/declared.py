@@ -13,7 +13,7 @@ from sim.types import Space
 
 
 def require_declared(task: Task) -> None:
-    """Raises TaskError naming the first wrong field, its value and what is right."""
+    """Raises TaskError naming the first wrong field, its value and the right one."""
     for complaint in _complaints(task):
         raise TaskError(f"the task {task.name}: {complaint}")
 

@@ -57,7 +57,7 @@ def chosen(text: str) -> Task:
 
 
 def register(text: str) -> Task:
-    """The same as `chosen`, and its name finds it from now on. Raises TaskError, UnknownName."""
+    """The same as `chosen`; from now on the task can also be found by its name. Raises TaskError, UnknownName."""
     task = chosen(text)
     assert task.file is not None, "a task of a file"
     entry, place = Registered(task.file.path, task.file.sha256, tuple(task.worlds)), _folder() / f"{task.name}.toml"
@@ -119,9 +119,9 @@ def caller_line(path: str) -> int | None:
 
 
 def confine(path: str) -> None:
-    """From now on code of the file can neither end nor double this process. A TaskError names the line that tries to.
+    """From now on, code of the file can neither end nor fork this process. A TaskError names the line that tries to.
 
-    Code of others is not concerned.
+    Code of other files is not affected.
     """
     _guard()
     _confined().add(path)
@@ -164,6 +164,16 @@ def patched(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Iterato
             setattr(module, name, function)
 
 
+@contextmanager
+def _same_folder() -> Iterator[None]:
+    """The current folder stays as it is, because the paths of a command are relative to it."""
+    before = Path.cwd()
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
 def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
     """A `time.sleep` that the file itself may not call while it is loaded."""
 
@@ -181,7 +191,7 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
         confine(str(path))
-        with patched(time, _awake(str(path))):
+        with patched(time, _awake(str(path))), _same_folder():
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
     except TaskError as error:
         del sys.modules[module.__name__]
@@ -199,7 +209,7 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
 
 
 def _module(path: Path, digest: str) -> ModuleType:
-    """An empty module for a file. What it prints goes to stderr with its line, because stdout may carry JSON."""
+    """An empty module for a file. The file's output goes to stderr with its line, because stdout may carry JSON."""
     spec = spec_from_loader(f"adaptsim_task_{path.stem}_{digest[:12]}", loader=None, origin=str(path))
     assert spec is not None
     module = module_from_spec(spec)

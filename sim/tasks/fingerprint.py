@@ -30,9 +30,11 @@ def interface(task: Task) -> dict[str, Any]:
     effects = {} if task.scene is None else asdict(task.scene)
     scene = {"scene": {k: v for k, v in json.loads(json.dumps(effects)).items() if v is not None}} if effects else {}
     moved = {"context_moves": True} if len(task.physical_context) else {}
+    credited = {"partial_credit": True} if task.reward_of_failure is not None else {}
     return (
         scene
         | moved
+        | credited
         | {
             "task": task.name,
             "parameters": describe(task.parameters),
@@ -122,4 +124,6 @@ def scene_key(task: Task, probes: int = _PROBES) -> str:
         track = task.simulate(parameters, context, action, nuisance)
         samples = np.concatenate([track.at(task.observation.times_s), track.state[-1:]])
         total.update(np.round(samples, 6).tobytes() + track.outcome.value.encode())
+        if task.reward_of_failure is not None and not task.succeeded(track):
+            total.update(np.round(task.failure_reward(track), 6).tobytes())
     return total.hexdigest()[:16]

@@ -55,7 +55,7 @@ class Standing:
 
 
 def no_suspicion(tracks: Sequence[ObjectTrack]) -> None:
-    """No trials of the task hint at a fault of the rig. A function, since a task travels to worker processes."""
+    """No trials of the task suggest a fault of the rig. A function, since a task travels to worker processes."""
 
 
 @dataclass(frozen=True, eq=False)

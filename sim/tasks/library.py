@@ -44,7 +44,7 @@ class PolicyLibrary:
         return self.members[int(np.linalg.norm(gaps, axis=1).argmin())]
 
     def distance(self, task: Task, parameters: Array) -> float:
-        """From parameters (p,) to those of the nearest member, in fractions of the ranges."""
+        """The distance from parameters (p,) to those of the nearest member, in fractions of the ranges."""
         gaps = task.parameters.normalise(self.places) - task.parameters.normalise(parameters)
         return float(np.linalg.norm(gaps, axis=1).min())
 

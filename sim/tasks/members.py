@@ -1,6 +1,6 @@
 """The training of a policy into a folder, and its loading.
 
-Nothing is unpickled. What `train` returns decides the files: arrays become `policy.npz`, a torch module becomes
+Nothing is unpickled. The return value of `train` decides the files: arrays become `policy.npz`, a torch module becomes
 `policy.safetensors` (its state), and `None` means that `train` has written files of its own into the folder.
 """
 
@@ -21,6 +21,7 @@ import tomli_w
 from hw.types import Array
 from sim.errors import CheckpointError, TaskError
 from sim.storage.files import load_tensors, publish_new, read_toml, save_tensors
+from sim.tasks.files import line_of
 from sim.tasks.task import Task
 
 POLICY = "policy.toml"
@@ -83,7 +84,7 @@ def read_member(folder: Path) -> Member:
 
 
 def load_policy(task: Task, member: Member) -> Any:
-    """The policy as `simulate` takes it. Raises TaskError if the task's `load` fails, CheckpointError."""
+    """The policy as `simulate` takes it. Raises CheckpointError; TaskError if the task's `load` fails."""
     assert task.training is not None
     folder, load = member.folder, task.training.load
     stored: Any = folder
@@ -99,8 +100,9 @@ def load_policy(task: Task, member: Member) -> Any:
     try:
         return load(stored)
     except Exception as error:  # the user's code may raise anything
+        where = f"{line_of(error, task.file.path)}: " if task.file else ""
         raise TaskError(
-            f"`load` of the task {task.name} fails with the policy {member.name} in {folder}: "
+            f"{where}`load` of the task {task.name} fails with the policy {member.name} in {folder}: "
             f"{type(error).__name__}: {error}"
         ) from error
 
@@ -112,9 +114,11 @@ def _trained(task: Task, samples: Array, seed: int, folder: Path) -> Any:
     try:
         return training.train(named, seed, folder=folder) if training.takes_folder else training.train(named, seed)
     except (Exception, SystemExit) as error:  # the user's code may raise anything
+        such = ", ".join(f"{name} = {value}" for name, value in vars(named[0]).items())
+        what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+        where = f"{line_of(error, task.file.path)}: " if task.file else ""
         raise TaskError(
-            f"`train` of the task {task.name} fails with seed {seed} for parameters such as {samples[0].tolist()}: "
-            f"{type(error).__name__}: {error}"
+            f"{where}`train` of the task {task.name} fails with seed {seed} for parameters such as {such}: {what}"
         ) from error
 
 
@@ -169,7 +173,7 @@ def _arrays(path: Path) -> Any:
 
 
 def _digest(folder: Path) -> str:
-    """Of the names and contents of all files but `POLICY`."""
+    """A digest of the names and contents of all files except `POLICY`."""
     total = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and p != folder / POLICY):
         total.update(str(path.relative_to(folder)).encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())

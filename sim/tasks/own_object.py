@@ -178,7 +178,7 @@ def _require_tried(task: Task, own: OwnObject, effects: Mapping[str, Any]) -> No
 
 
 def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, **named: Any) -> Any:
-    """A function of a task, called so that no unmodelled effects mean those of an object."""
+    """A function of a task, for which no unmodelled effects means those of the object."""
     bound = inspect.signature(function).bind(*arguments, **named)
     if bound.arguments.get("unmodelled") is None:
         bound.arguments["unmodelled"] = effects
@@ -186,7 +186,7 @@ def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, *
 
 
 def _in_scene(task: Task, effects: Any) -> Task:
-    """The task with these effects wherever it has none."""
+    """The task with these effects in all places where it has none."""
     hardware = task.hardware
     if hardware is not None:
         names = [n for n in ("build_scene", "time_step_s", "rest_pose", "course") if getattr(hardware, n) is not None]

@@ -152,13 +152,28 @@ SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
 same as by `Simulate`."""
 
 
+@dataclass(frozen=True, eq=False)
+class PredictedOutcomes:
+    """Predicted outcomes of trials, as an expected reward needs them."""
+
+    success: Array  # (...) chance
+    end_state: Array  # (..., k) of a success
+    failure_reward: Array | None = None  # (...) of a failure; None: in this task it earns nothing
+
+    @property
+    def mean_of_ensemble(self) -> PredictedOutcomes:
+        """The mean of predictions (M, ...) over the M members of an ensemble."""
+        failed = None if self.failure_reward is None else self.failure_reward.mean(axis=0)
+        return PredictedOutcomes(self.success.mean(axis=0), self.end_state.mean(axis=0), failed)
+
+
 @dataclass(frozen=True)
 class LabReport:
     """The report of a trial by a lab with a robot of its own (docs/guide/own-robot.md)."""
 
     columns: tuple[str, ...]  # of `ObjectTrack.state`, each with its unit: "x [m]"
     outcomes: tuple[Outcome, ...]  # how a trial can end
-    successes: tuple[Outcome, ...]  # those that may earn a reward
+    successes: tuple[Outcome, ...]  # which of them are successes
     ends_in_tool: bool = False  # the end of a success is that of the object in the tool's frame, `end_in_tool_m`
     places_first: bool = False  # the context is where the object lies: measured, then the action is chosen
     computed: tuple[str, ...] = ()  # columns that only the simulation can compute, so that no lab can report them
@@ -193,6 +208,8 @@ class Task:
     end_state: Callable[[ObjectTrack], Array]  # (k,) quantities that decide the reward of a success
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # its name for a person, e.g. "piece of food"
+    reward_of_failure: Callable[[ObjectTrack], float] | None = None
+    """Partial credit in [0, 1] for a failure, the same in every context; None: a failure earns nothing."""
     relocate: Callable[[Array, Array], Array] | None = None
     """Observation (..., size) at the reference context, context (..., c) -> the observation there. None: the context
     changes the motion itself, so it is an input of every rollout, as the parameters are (`physical_context`)."""
@@ -277,7 +294,20 @@ class Task:
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""
         end = self.end_of(track)
-        return 0.0 if end is None else float(self.reward_of_success(end, context))
+        return self.failure_reward(track) if end is None else float(self.reward_of_success(end, context))
+
+    def failure_reward(self, track: ObjectTrack) -> float:
+        """Reward of a failure in [0, 1]. A rollout that the solver could not finish earns nothing."""
+        if self.reward_of_failure is None or track.outcome is Outcome.SOLVER_FAILED:
+            return 0.0
+        return float(self.reward_of_failure(track))
+
+    def expected_reward(self, predicted: PredictedOutcomes, context: Array) -> Array:
+        """(...) expected rewards of trials in contexts (..., c)."""
+        earned = np.asarray(predicted.success * self.reward_of_success(predicted.end_state, context))
+        if predicted.failure_reward is None:
+            return earned
+        return np.asarray(earned + (1.0 - predicted.success) * predicted.failure_reward)
 
     def end_of(self, track: ObjectTrack) -> Array | None:
         """The end state (k,) of a success; None for a failure."""
@@ -356,9 +386,9 @@ class Expectations(Protocol):
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
-        """(..., p), (..., a), (..., n), (..., c), broadcast -> chance of success (M, ...) and end state of a success
-        (M, ..., k); for the context see `trajectories`.
+    ) -> PredictedOutcomes:
+        """(..., p), (..., a), (..., n), (..., c), broadcast -> chance of success (M, ...), end state of a success
+        (M, ..., k), reward of a failure (M, ...); for the context see `trajectories`.
 
         M is the size of the ensemble, or 1.
         """

@@ -15,7 +15,7 @@ SCRIPT = """
 from adaptsim_cli import api
 import sim.rollouts, hw.workcell, perception.types, calib.types
 from sim.rollouts import process_pool
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 
 if __name__ == "__main__":
     print(sim.rollouts.__file__)
@@ -44,7 +44,7 @@ def run(*arguments: str, cwd: Path, path: Path = ROOT) -> subprocess.CompletedPr
 @pytest.mark.long
 @pytest.mark.parametrize("stored", [False, True])
 def test_a_script_beside_them_and_its_pool_of_processes(strange: Path, stored: bool) -> None:
-    """A worker imports a stored script before its work; of one that is no file, as in a notebook, it knows nothing."""
+    """A worker imports a stored script before its work; one that is not a file, as in a notebook, is unknown to it."""
     (strange / "study.py").write_text(SCRIPT)
     done = run(*(("study.py",) if stored else ("-c", SCRIPT)), cwd=strange)
     assert done.stdout.splitlines() == [str(ROOT / "sim" / "rollouts" / "__init__.py"), "True"], done.stderr

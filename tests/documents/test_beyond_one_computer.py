@@ -17,10 +17,9 @@ from typing import Any
 import psutil
 import pytest
 from distributed import Client
-from documents import ROOT
+from documents import ROOT, code_in
 
-PAGE = (ROOT / "docs/guide/beyond-one-computer.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
+PAGE = "docs/guide/beyond-one-computer.md"
 TIMES = ("wall_s", "cpu_s")
 
 pytestmark = [
@@ -31,7 +30,7 @@ pytestmark = [
 
 
 def block(containing: str) -> str:
-    (found,) = [text for text in BLOCKS if containing in text]
+    (found,) = [text for text in code_in(PAGE, "sh") if containing in text]
     return found
 
 
@@ -84,7 +83,7 @@ def test_the_jobs_of_an_array_are_joined_to_the_same_rows(shell, alone):
 
 
 def test_submitit_starts_the_shares_and_the_last_line_joins_them(shell, alone, tmp_path):
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    (code,) = code_in(PAGE, "python")
     launcher = tmp_path / "launch.py"
     launcher.write_text(code.replace("SHARES = 4", "SHARES = 2"), encoding="utf-8")
     done = subprocess.run(

@@ -7,25 +7,14 @@ from typing import ClassVar
 import drawings
 import pictures
 import pytest
-from generate import DOCS, stale
+from generate import stale
 from pages import files
 from pages.file_fields import SAID
 from pages.files import fields
 
-from sim.tasks import TASKS, get_task
-
 
 def test_committed_pages_are_current():
     assert not (old := stale()), f"run `make docs` and commit: {', '.join(old)}"
-
-
-def test_every_number_of_every_task_is_explained():
-    page = (DOCS / "reference/parameters.md").read_text("utf-8")
-    for name in TASKS:
-        task = get_task(name)
-        for space in (task.parameters, task.context, task.action, task.nuisance):
-            for dimension in space.dimensions:
-                assert f"| `{dimension.name}` |" in page
 
 
 def test_the_table_of_meanings_has_no_entry_that_no_page_uses(monkeypatch):

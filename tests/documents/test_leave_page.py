@@ -6,18 +6,17 @@ They parse the exported scenes by themselves: nothing of ours builds or steps th
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from documents import code_in
 
 from adaptsim_cli.session.best import contexts_of
 from sim.lab.scene_files import SceneTrial, as_mjcf, as_sdf
 from sim.tasks import get_task
 
-PAGE = Path(__file__).parents[2] / "docs/guide/leave.md"
-READ_POLICY, IN_DRAKE, IN_MUJOCO = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+READ_POLICY, IN_DRAKE, IN_MUJOCO = code_in("docs/guide/leave.md", "python")
 SEEDS = {"pushing": (0, 3), "scooping": (0, 1)}
 """Of the trials: pushed off the middle and toppled, missed and scooped."""
 

@@ -6,7 +6,6 @@ ROS 2 is no package of Python: its messages come from files here, by modules of 
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import threading
@@ -14,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from documents import ROOT
+from documents import marked
 
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.session.own.reading import read_answer, track_of
 from sim.tasks.pushing import TASK
 
-PAGE = (ROOT / "docs/guide/own-robot.md").read_text(encoding="utf-8")
 REPORT = TASK.require_report()
 QUESTION = Question(
     ask="trial", session="s", task="pushing", trial=3, attempt=1, context={"goal_x": 0.85, "goal_bearing": 0.0},
@@ -64,7 +62,7 @@ def spin_once(node):
 
 def written(name: str, folder: Path) -> Path:
     """A program of the page, in a file; thirty lines at most."""
-    (code,) = re.findall(rf"<!-- file {name} -->\n```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    (code,) = [code for _, path, code in marked("guide/own-robot.md") if path == name]
     assert len([line for line in code.splitlines() if line.strip()]) <= 30
     (folder / name).write_text(code)
     return folder / name

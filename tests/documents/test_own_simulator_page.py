@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from documents import ROOT
+from documents import marked
 
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 
-PAGE = (ROOT / "docs/guide/own-simulator.md").read_text(encoding="utf-8")
-BLOCK = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-FILES = {path: code for kind, path, code in BLOCK.findall(PAGE) if kind == "file"}
-(USE,) = (code for kind, _, code in BLOCK.findall(PAGE) if kind == "run")
+BLOCKS = marked("guide/own-simulator.md")
+FILES = {path: code for kind, path, code in BLOCKS if kind == "file"}
+(USE,) = (code for kind, _, code in BLOCKS if kind == "run")
 NEEDS = {"glide.py": "mujoco", "balance.py": "gymnasium"}
 FEWER = {
     "pretrain": ["--rollouts", "96", "--denser", "0", "--workers", "1"],

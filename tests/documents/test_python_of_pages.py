@@ -11,7 +11,7 @@ from typing import Any
 
 import notebooks
 import pytest
-from documents import FENCE, ROOT, install
+from documents import FENCE, ROOT, code_in, install
 
 from adaptsim_cli.commands import app
 from hw import plugins
@@ -61,9 +61,8 @@ def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)  # plots are saved here
     names: dict[str, object] = {}
-    for _, language, code in FENCE.findall((ROOT / "docs/reference/python.md").read_text(encoding="utf-8")):
-        if language == "python":
-            exec(code, names)
+    for code in code_in("docs/reference/python.md", "python"):
+        exec(code, names)
     assert "track" in names
     assert (tmp_path / "data/sessions/study/report.html").is_file()
 
@@ -71,8 +70,7 @@ def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):
 @pytest.mark.long
 def test_the_method_of_the_tutorial_runs_is_compared_and_is_found_in_a_package(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    text = (ROOT / "docs/guide/add-a-method.md").read_text(encoding="utf-8")
-    written = [code for _, language, code in FENCE.findall(text) if language == "python"]
+    written = code_in("docs/guide/add-a-method.md", "python")
     monkeypatch.setattr(methods, "_registered", {})
     module = types.ModuleType("tutorial")
     monkeypatch.setitem(sys.modules, "tutorial", module)

@@ -1,14 +1,9 @@
-"""Forty questions of a newcomer: each is answered at most two clicks from README, soon on the page that it opens.
-
-`python tests/documents/test_questions.py` prints the table: question, clicks, page, and the seconds that reading takes
-from the top of the page or section to the answer, at four words a second.
-"""
+"""Forty questions of a newcomer: each is answered at most two clicks from README, soon on the page that it opens."""
 
 from __future__ import annotations
 
 import os
 import re
-import sys
 from collections import deque
 from functools import cache
 from pathlib import Path
@@ -20,8 +15,10 @@ START = Path("README.md")
 LINK = re.compile(r"\]\(([^)#\s]+\.md)(?:#[^)]*)?\)")
 COMMENT = re.compile(r"<!--.*?-->")
 WORDS_A_SECOND = 4.0
+"""Of a reader, from the top of the page or section to the answer."""
 MOST_CLICKS, MOST_S = 2, 60.0
 
+CONCEPTS = "docs/start/concepts.md"
 QUESTIONS = (
     ("What does it do?", "README.md", "", "adapts a simulator to one table"),
     ("Has it run on a real arm?", "README.md", "", "No real arm, camera, pedal or balance has run this program"),
@@ -31,23 +28,18 @@ QUESTIONS = (
     ("What is the licence?", "README.md", "Install, ask, cite", "Apache 2.0"),
     ("Where do I ask?", "README.md", "Install, ask, cite", "open an issue"),
     ("What does adapting gain?", "README.md", "What it gains", "the mean reward rises from"),
-    ("What is a particle?", "docs/start/concepts.md", "Six words", "an E that moves through a session"),
+    ("What is a particle?", CONCEPTS, "Six words", "an E that moves through a session"),
     ("Whose method is it?", "README.md", "How it works", "is ours"),
-    ("What does a reward mean?", "docs/start/concepts.md", "The reward", "4 cm away"),
+    ("What does a reward mean?", CONCEPTS, "The reward", "4 cm away"),
     ("Can I use a UR5?", "docs/start/faq.md", "Questions", "UR5"),
     ("Where can it not work?", "docs/start/faq.md", "Limitations", "One-shot tasks"),
     ("How long does a session take?", "docs/start/faq.md", "Questions", "20 to 40 minutes"),
     ("What do I have to buy?", "docs/guide/what-to-buy.md", "", "Franka Research 3"),
     ("When is Bayesian optimisation better?", "docs/why/beside-others.md", "", "there is no simulator"),
-    ("What is UDR?", "docs/start/concepts.md", "Six words", "uniform domain randomisation"),
-    ("What is the gap?", "docs/start/concepts.md", "Six words", "the distance from UDR's reward"),
-    (
-        "Why not just fit the simulator?",
-        "docs/start/concepts.md",
-        "Why a better simulator alone does not help",
-        "not enough",
-    ),
-    ("How many trials does a session take?", "docs/start/concepts.md", "The loop", "20 trials"),
+    ("What is UDR?", CONCEPTS, "Six words", "uniform domain randomisation"),
+    ("What is the gap?", CONCEPTS, "Six words", "the distance from UDR's reward"),
+    ("Why not just fit the simulator?", CONCEPTS, "Why a better simulator alone does not help", "not enough"),
+    ("How many trials does a session take?", CONCEPTS, "The loop", "20 trials"),
     ("My pip downloads CUDA. What now?", "docs/start/install.md", "", "TORCH_INDEX"),
     ("Where are my data?", "docs/start/install.md", "Data, upgrade, uninstall", "~/.local/share/adaptsim"),
     ("How do I upgrade or uninstall?", "docs/start/install.md", "Data, upgrade, uninstall", "git pull"),
@@ -115,9 +107,3 @@ def test_no_question_is_asked_twice():
 def test_it_is_answered_within_two_clicks_and_a_minute(question, page, heading, answer):
     assert clicks()[page] <= MOST_CLICKS
     assert read_s(page, heading, answer) <= MOST_S
-
-
-if __name__ == "__main__":
-    for asked, page, heading, answer in QUESTIONS:
-        where = f"{page}, {heading}" if heading else page
-        sys.stdout.write(f"{asked:40} {clicks()[page]} clicks {read_s(page, heading, answer):4.0f} s   {where}\n")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 import real_views
+from documents import ROOT, code_in, commands, read
 from mcap_ros2.writer import Writer
 
 from adaptsim_cli import api
@@ -19,11 +19,11 @@ from calib.files import read_folder
 from calib.foreign.chains import any_arm
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.lab.world import rollouts_in
+from sim.lab.world import rollout_in
 from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
 
-PAGE = (Path(__file__).parents[2] / "docs/guide/ros2.md").read_text(encoding="utf-8")
+PAGE = "docs/guide/ros2.md"
 HEADER = "\n".join(("std_msgs/Header header", "{}", "=" * 80, "MSG: std_msgs/Header",
                     "builtin_interfaces/Time stamp\nstring frame_id", "=" * 80, "MSG: builtin_interfaces/Time",
                     "int32 sec\nuint32 nanosec", "{}"))  # fmt: skip
@@ -33,8 +33,7 @@ POSE = HEADER.format("geometry_msgs/Pose pose", "\n".join((
     "float64 x\nfloat64 y\nfloat64 z\nfloat64 w")))  # fmt: skip
 IMAGE = HEADER.format("string format\nuint8[] data", "")
 HEAD = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-(CODE,) = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-(MANIFEST,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+(CODE,), (MANIFEST,) = code_in(PAGE, "python"), code_in(PAGE, "toml")
 
 
 def posed(p_m: np.ndarray, xyzw: np.ndarray) -> dict[str, object]:
@@ -61,9 +60,8 @@ def pushes(n: int) -> tuple[Array, list[ObjectTrack]]:
     """Random actions in a drawn world, and true rollouts of those under which the bottle stays upright."""
     task = get_task("pushing")
     (target,) = targets_of(task, ["drawn-2-0"])
-    world, there = target.world, rollouts_in(target.world)
     actions = task.action.sample(np.random.default_rng(0), n)
-    tracks = [there(world.parameters, task.reference_context, action, world.nuisance) for action in actions]
+    tracks = [rollout_in(target.world, task.reference_context, action) for action in actions]
     upright = [track.outcome is Outcome.UPRIGHT for track in tracks]
     return actions[upright], [track for track, stands in zip(tracks, upright, strict=True) if stands]
 
@@ -83,8 +81,8 @@ def test_the_session_of_the_page_runs_on_them(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     actions, tracks = pushes(32)
     write_bags(tmp_path / "my-pushes", actions, tracks)
-    (command,) = re.findall(r"^adaptsim (run-iteration .*)$", PAGE, re.MULTILINE)
-    assert app.run(command.split()) == 0
+    (command,) = [line for line in commands(read(ROOT / PAGE)) if "run-iteration" in line]
+    assert app.run(command.split()[1:]) == 0
     taken = [trial.action_array for trial in api.open_session("pushing-my-pushes").trials]
     assert len(taken) == 4
     assert all(np.abs(actions - action).max(axis=1).min() < 1e-12 for action in taken)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import serial_lines
-from documents import ROOT, install, module, require_kept
+from documents import ROOT, install, install_from, marked, module, require_kept
 from notebooks import run_cell
 from pydantic import ValidationError
 from real_lab import quiet, said
@@ -43,17 +43,11 @@ from sim.errors import UnknownName
 from sim.lab import world
 from sim.tasks.task import Task
 
-BLOCK = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-
-
-def blocks(page: str) -> list[tuple[str, str, str]]:
-    """(kind, path, code) of the marked code of a page, in order."""
-    return BLOCK.findall((ROOT / "docs/guide" / page).read_text(encoding="utf-8"))
-
 
 @pytest.fixture(autouse=True)
-def forget_packages() -> Iterator[None]:
-    """What a test installs is not there for the next one."""
+def forget_packages(tmp_path, monkeypatch) -> Iterator[None]:
+    """What a test installs is not there for the next one, nor are tasks of files that the user registered."""
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     yield
     plugins.offers.cache_clear()
 
@@ -61,11 +55,7 @@ def forget_packages() -> Iterator[None]:
 @pytest.fixture
 def curling(tmp_path, monkeypatch) -> Iterator[Task]:
     """The task of the tutorial, its package installed for as long as a test runs."""
-    for _, path, code in [block for block in blocks("add-a-task.md") if block[0] == "file"]:
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(code, encoding="utf-8")
-    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][tasks.REGISTRY.group])
+    install_from("guide/add-a-task.md", tmp_path, tasks.REGISTRY.group)
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     yield tasks.get_task("curling")
@@ -91,12 +81,11 @@ def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling, capsys):
 
 @pytest.mark.long
 def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(curling, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     with pytest.raises(UnknownName, match="it must be one of pendulum, pushing, scooping, curling"):
         tasks.get_task("darts")
     monkeypatch.chdir(tmp_path)
     fewer = {"pretrain": ["--rollouts", "128", "--denser", "0", "--workers", "1"]}
-    (use,) = [code for kind, _, code in blocks("add-a-task.md") if kind == "run"]
+    (use,) = [code for kind, _, code in marked("guide/add-a-task.md") if kind == "run"]
     for line in use.splitlines():
         program, command, *more = shlex.split(line)
         if program == "adaptsim":
@@ -142,7 +131,7 @@ def test_a_name_that_is_taken_is_said(tmp_path, monkeypatch):
 
 
 def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(tmp_path, monkeypatch):
-    found = blocks("add-a-device.md")
+    found = marked("guide/add-a-device.md")
     (adapter,) = [code for kind, path, code in found if kind == "file" and "balance" in path]
     (said,) = [code for kind, _, code in found if kind == "contract"]
     (tmp_path / "gs_balance.py").write_text(adapter, encoding="utf-8")
@@ -161,11 +150,7 @@ def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(tmp_pat
 @pytest.mark.long
 def test_the_camera_of_the_tutorial_is_found_described_and_recorded_with(tmp_path, monkeypatch):
     """In processes of its own, as every camera: the package is installed where their interpreter finds it."""
-    for _, path, code in [block for block in blocks("add-a-device.md") if block[1].startswith(("lumen", "pyproject"))]:
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(code, encoding="utf-8")
-    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][kinds.CAMERAS.group], kinds.CAMERAS.group)
+    install_from("guide/add-a-device.md", tmp_path, kinds.CAMERAS.group, ("lumen", "pyproject"))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
     plugins.offers.cache_clear()
@@ -200,7 +185,7 @@ def test_a_camera_adapter_that_does_not_import_is_said(tmp_path, monkeypatch):
 @pytest.fixture
 def thermometer(tmp_path, monkeypatch) -> str:
     """The instrument of the tutorial, installed; its name."""
-    (code,) = [code for _, path, code in blocks("add-a-device.md") if "thermometer" in path]
+    (code,) = [code for _, path, code in marked("guide/add-a-device.md") if "thermometer" in path]
     (tmp_path / "room_thermometer.py").write_text(code, encoding="utf-8")
     install(tmp_path, "room-thermometer", {"thermometer": "room_thermometer"}, devices.OFFERED_INSTRUMENTS.group)
     monkeypatch.syspath_prepend(tmp_path)
@@ -265,7 +250,6 @@ def test_every_device_has_its_section_in_the_rig_file_and_on_the_pages():
 
 @pytest.mark.slow
 def test_the_task_of_the_tutorial_asks_and_is_told(curling, tmp_path, monkeypatch):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
     _pretrain("curling", "--rollouts", "256", "--denser", "0")
     shutil.copytree("build/curling/checkpoint", "curling/checkpoints/default")
@@ -299,14 +283,13 @@ def _released(trial: api.Question) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_a_cube_that_is_thrown_by_somebody_else_is_asked_for_and_told(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     install(tmp_path, "toss", {"toss": "toss"})
     monkeypatch.syspath_prepend(ROOT / "benchmarks/toss")
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     monkeypatch.chdir(tmp_path)
     _pretrain("toss", "--budget", "small")
-    (source,) = [code for kind, _, code in blocks("own-robot.md") if kind == "notebook"]
+    (source,) = [code for kind, _, code in marked("guide/own-robot.md") if kind == "notebook"]
     names: dict[str, Any] = {}
     moved = run_cell(source, names)
     assert len(names["tosses"].trials) == 4

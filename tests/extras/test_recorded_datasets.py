@@ -87,10 +87,10 @@ def test_episodes_are_trials(tmp_path, write):
     ("write", "old", "new", "message"),
     [
         (lerobot, '"excess"]', '"pictures"]', "no column 'pictures'"),
-        (lerobot, '"excess"]', '"action"]', "has 8 numbers a row: name one"),
-        (lerobot, "state[3]", "state[9]", "is no number in every row"),
+        (lerobot, '"excess"]', '"action"]', "has 8 numbers in each row: name one"),
+        (lerobot, "state[3]", "state[9]", "is not a number in every row"),
         (robomimic, "obs/excess", "obs/gripper", "no readable robomimic data set"),
-        (robomimic, "joints[3]", "joints[9]", "is no number in every row"),
+        (robomimic, "joints[3]", "joints[9]", "is not a number in every row"),
         (robomimic, "joints[3]", "joints[]", "names no column"),
         (robomimic, "rate_hz = 100.0", "rate_hz = 0", "rate_hz"),
     ],

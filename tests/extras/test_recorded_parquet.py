@@ -57,7 +57,7 @@ def test_a_damaged_parquet_file_and_an_empty_cell_are_refused(tmp_path):
     lines[3] = ",".join([*lines[3].split(",")[:2], "", *lines[3].split(",")[3:]])
     (tmp_path / "holes.csv").write_text("\n".join(lines))
     parquet.write_table(csv.read_csv(tmp_path / "holes.csv"), folder / "trajectories.parquet")
-    with pytest.raises(RecordingsRefused, match="line 4: q1 = None is no number"):
+    with pytest.raises(RecordingsRefused, match="line 4: q1 = None is not a number"):
         read_recorded(TASK, folder)
 
 

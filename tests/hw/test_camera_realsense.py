@@ -123,5 +123,5 @@ def test_the_doctor_is_told_serial_and_firmware_and_of_a_slow_port() -> None:
     report = look_realsense([fast, slow])
     assert (report.maker, report.serials, report.error) == ("Intel", ("S1",), None)
     assert report.devices[0].firmware == "5.16.0.1"
-    assert look_realsense([slow]).error == "it is at a USB 2.1 port, too slow for colour and depth"
+    assert look_realsense([slow]).error == "it is at a USB 2.1 port, which is too slow for colour and depth"
     assert look_realsense([]).error == "pyrealsense2 finds no camera"

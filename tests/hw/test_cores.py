@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hw.cores import usable_cores
+from hw.computer import usable_cores
 
 COUNTED = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); "
 

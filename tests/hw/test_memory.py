@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from hw.memory import return_pictures, trim
+from hw.computer import return_pictures, trim
 
 PROGRAM = """
 import threading, numpy as np
-from hw.memory import return_pictures
+from hw.computer import return_pictures
 {}
 def held_mb():
     line = next(line for line in open("/proc/self/smaps_rollup") if line.startswith("Pss_Anon"))
@@ -36,6 +36,6 @@ def test_pictures_of_a_thread_are_returned():
 
 
 def test_without_glibc_nothing_happens(monkeypatch):
-    monkeypatch.setattr("hw.memory.ctypes.CDLL", lambda name: object())
+    monkeypatch.setattr("hw.computer.ctypes.CDLL", lambda name: object())
     return_pictures()
     trim()

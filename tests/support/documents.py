@@ -8,6 +8,7 @@ import json
 import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +27,7 @@ PAGES = (
 )
 FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+MARKED = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
 """Options that act while the line is parsed: nothing is installed by a test."""
 NUMBERS = {"WIDTH", "N", "TRIAL"}
@@ -45,6 +47,17 @@ def read(page: Path) -> str:
         return text
     cells = [(cell["cell_type"], "".join(cell["source"])) for cell in json.loads(text)["cells"]]
     return "\n\n".join(f"```python\n{source}\n```" if kind == "code" else source for kind, source in cells) + "\n"
+
+
+def marked(page: str) -> list[tuple[str, str, str]]:
+    """(kind, path, code) of the marked code of a page of docs, in order."""
+    return MARKED.findall((ROOT / "docs" / page).read_text(encoding="utf-8"))
+
+
+def code_in(page: str, language: str) -> list[str]:
+    """The code blocks in a language of a page of the repository, in order."""
+    fences = FENCE.findall((ROOT / page).read_text(encoding="utf-8"))
+    return [code for _, name, code in fences if name == language]
 
 
 def commands(text: str, program: str = "adaptsim") -> list[str]:
@@ -116,3 +129,13 @@ def install(folder: Path, package: str, offered: Mapping[str, str], group: str =
     lines = [f"[{group}]", *(f"{name} = {value}" for name, value in offered.items())]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
+
+
+def install_from(page: str, folder: Path, group: str, names: tuple[str, ...] = ("",)) -> None:
+    """Write the marked files of a page of docs whose paths begin with one of `names`, and install them as a package."""
+    for kind, path, code in marked(page):
+        if kind == "file" and path.startswith(names):
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(code, encoding="utf-8")
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    install(folder, project["name"], project["entry-points"][group], group)

@@ -78,7 +78,7 @@ def opener(answerer: Answerer, task: Task = PUSHED) -> Callable[..., Any]:
 
     @contextmanager
     def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
-        target = OwnTarget(task, learnt.parent, answerer, config.method)
+        target = OwnTarget.of_session(task, learnt.parent, answerer, config.method)
         parts = toy_parts(ToyLab(0), calibration="", calibration_sha256="", world_sha256="")
         yield replace(parts, task=task, target=target)
 

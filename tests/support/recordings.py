@@ -10,7 +10,7 @@ from mcap_ros2.writer import Writer
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.lab.world import load_world, rollouts_in
+from sim.lab.world import load_world, rollout_in
 from sim.rollouts.draws import cover
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.solver import LqrSolver
@@ -49,9 +49,9 @@ def recordings(n: int, world: str = "wd", seed: int = 0) -> tuple[Array, list[Ob
     """Feedback gains (n, 8) for guesses all over the ranges, and their trials in a world."""
     guesses = cover(TASK.parameters, n, np.random.default_rng(seed))
     policies = LqrSolver(TASK).policies(guesses[:, None], np.random.default_rng(0))
-    there, target = rollouts_in(load_world(world, TASK)), load_world(world, TASK)
+    target = load_world(world, TASK)
     actions = np.stack([policy.gain for policy in policies])
-    return actions, [there(target.parameters, np.zeros(0), action, target.nuisance) for action in actions]
+    return actions, [rollout_in(target, np.zeros(0), action) for action in actions]
 
 
 def write_tables(folder: Path, n: int = 24, manifest: str = "", **changes: str) -> Path:

@@ -10,8 +10,8 @@ from players import InstantArm
 
 from hw.types import Array
 from hw.workcell import arm_model
-from sim.lab.setting_down import set_down_q_rad
 from sim.lab.simulated import READY_RAD
+from sim.lab.touch import set_down_q_rad
 from sim.lab.world import Mount, World, load_world
 from sim.panda.setting_down import set_downs
 from sim.panda.tool import cell_as_shipped, feeling, touchable

@@ -160,7 +160,6 @@ class Counted:
 
 def equal_rollouts(one: Rollouts, two: Rollouts) -> bool:
     """Whether both hold the same numbers."""
-    return all(
-        np.array_equal(getattr(one, f.name), getattr(two, f.name), equal_nan=f.name == "end_state")
-        for f in dataclasses.fields(one)
+    return one.columns.keys() == two.columns.keys() and all(
+        np.array_equal(column, two.columns[name], equal_nan=name == "end_state") for name, column in one.columns.items()
     )

@@ -41,7 +41,7 @@ class BoardMover(Protocol):
         """The places to visit, in order; `done` are those with a view."""
 
     def series(self) -> AbstractContextManager[None]:
-        """Say what the series does, before its first motion; around all of it. Raises UsageError."""
+        """Announce the series before its first motion; a context manager around all of it. Raises UsageError."""
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""

@@ -52,6 +52,6 @@ def _choices(stored: files.Folder, names: Mapping[str, str]) -> Iterator[tuple[s
 
 
 def _renamed(record: ViewRecord, names: Mapping[str, str]) -> ViewRecord:
-    """The same numbers under the other names. Raises ValueError if they are no pose then."""
+    """The same numbers under the other names. Raises ValueError if they are then not a pose."""
     values = {name: value for name, value in record if value is not None}
     return ViewRecord.model_validate({names.get(name, name): value for name, value in values.items()})

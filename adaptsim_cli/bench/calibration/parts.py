@@ -30,7 +30,7 @@ class BoardHandler(Protocol):
         """Take the board out of the gripper and lay it in view, face up; put a pointed tip into the gripper."""
 
     def touch(self, p_M_m: Array, number: int) -> None:
-        """Bring the tip to the point (3,) of the board, tilted to another side for each `number` from 0."""
+        """Bring the tip to the point (3,) of the board, with another tilt for each `number` from 0."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,7 +111,9 @@ def check(
 
 
 def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen) -> Reply:
-    """Solve views recorded elsewhere. Raises ViewFolderError, PerceptionError; a rejected result is the failure."""
+    """Solve views recorded elsewhere. Raises ViewFolderError and PerceptionError; a rejected result is returned as the
+    failure.
+    """
     with screen.busy("Finding the board and solving"):
         solved = solve_folder(folder.absolute(), options=options)
     for sentence in solved.recognised:

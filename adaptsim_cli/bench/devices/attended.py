@@ -85,7 +85,7 @@ class Instruments:
         """`instrument.quantity` -> value. An instrument that does not answer is noted and left out."""
         values = dict[str, float]()
         for name, kind in self.kinds.items():
-            assert kind.measure is not None  # else it is no instrument
+            assert kind.measure is not None  # else it is not an instrument
             try:
                 measured = kind.measure(self.drivers[name])
             except DeviceUnavailable as error:

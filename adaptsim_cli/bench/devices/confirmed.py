@@ -77,7 +77,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
         return self
 
     def confirm(self) -> None:
-        """Ask everything that is asked once before the first motion of a command. Raises StoppedByOperator."""
+        """Ask all questions that come once before the first motion of a command. Raises StoppedByOperator."""
         self.consent.once(self._arm)
 
     def await_enabled(self, what: str, path: JointPath) -> None:
@@ -115,9 +115,9 @@ class ConfirmedArm(ArmWrapper[RealArm]):
 
     @contextmanager
     def hand_moving(self) -> Iterator[None]:
-        """Around one motion of the hand: a note on the disk until its fingers stand.
+        """Keeps a note on the disk during one motion of the hand, until its fingers stand still.
 
-        Unless they surely do, neither arm nor hand moves before `recover`: raises ArmFault.
+        Unless it is certain that they do, neither arm nor hand moves before `recover`; raises ArmFault.
         """
         refuse_while_stopped(self._hand_fault)
         try:

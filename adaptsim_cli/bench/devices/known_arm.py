@@ -96,7 +96,7 @@ class ArmFacts:
         return next((motion.at for motion in self.slow_motions if motion.setup == setup), "")
 
     def new_in(self, setup: SetUp) -> str:
-        """The parts of a set-up that have never moved slowly, as the begin of a sentence."""
+        """The parts of a set-up that have never moved slowly, as the beginning of a sentence."""
         like = [motion.setup for motion in self.slow_motions if motion.setup.kind == setup.kind]
         parts = (
             ("tool or table", setup.tool, {one.tool for one in like}),
@@ -105,7 +105,7 @@ class ArmFacts:
         )
         changed = [name for name, value, earlier in parts if value not in earlier] if like else []
         if changed:
-            return f"Since {setup.kind} last moved slowly the {' and the '.join(changed)} changed, and this has"
+            return f"The {' and the '.join(changed)} changed after {setup.kind} last moved slowly, and this set-up has"
         return f"With this rig file, tool and calibration {setup.kind or 'this task'} has"
 
     def stop_button_is_due(self, now: datetime) -> bool:
@@ -157,7 +157,7 @@ class KnownArm:
     def moving(self) -> Iterator[None]:
         """Around one motion: a file exists from before it until after its end; a stop writes its reason into it.
 
-        The hand's end is that its fingers stand, also where it did not do what it was told.
+        A motion of the hand has ended when its fingers stand still, even if it did not obey the command.
 
         Raises DiskFull or SessionError before it begins."""
         durable.make_folder(self.folder)

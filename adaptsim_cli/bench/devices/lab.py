@@ -75,7 +75,8 @@ class Lab(Protocol):
         """`cell` is with the tool. The arm does not move by itself."""
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
-        """Have the stop button pressed during a slow swing, and keep time and way until rest beside the worst case.
+        """Have the stop button pressed during a slow swing, and keep the time and distance until rest beside the worst
+        case.
 
         Raises StoppedByOperator, MotionRefused, HardwareError.
         """

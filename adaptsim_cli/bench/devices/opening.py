@@ -45,6 +45,7 @@ def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drive
     task = get_task(config.task)
     with ExitStack() as stack:
         lab = RealLab(task, rig, drivers or makers_drivers(), stack, screen, config)
+        lab.begin()
         lab.check_stop_button(mounted_as_shipped(task, rig.arm.model).cell)
 
 
@@ -82,4 +83,6 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
         require(claims, trust, asking, asks=False, command=f"adaptsim config trust --hw {config.hw}")
         raise
     require(claims, trust, asking, asks=True, command=f"adaptsim config trust --hw {config.hw}")
-    return RealLab(task, rig, drivers or makers_drivers(), stack, asking, config)
+    lab = RealLab(task, rig, drivers or makers_drivers(), stack, asking, config)
+    lab.begin()
+    return lab

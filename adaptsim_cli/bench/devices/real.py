@@ -47,17 +47,20 @@ class RealLab:
     def __init__(
         self, task: Task, rig: RigDescription, drivers: Drivers, stack: ExitStack, screen: Screen, config: Config
     ) -> None:
-        """`screen` is the command's. Everything it asks is also written to the log of the arm."""
+        """`screen` is the command's."""
         self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         self._task, self._drivers, self._stack, self._screen = task, drivers, stack, screen
         self._pace, self._operator = config.pace, config.operator
         self._folder, self._rig_file = folder_of(places(), rig), in_one_sentence(config, rig)
+
+    def begin(self) -> None:
+        """Write from now on all that the screen says and asks to the log of the arm too, and show what is waived."""
         durable.make_folder(self._folder)
-        screen.add_listener(CommandLog(self._folder, screen))
-        for waiver in rig.in_force():
-            screen.note(f"Waived: {waiver.sentence}")
-        for waiver in rig.lapsed():
-            screen.note(f"Not waived any more: {waiver.safeguard}, since {waiver.until} ({waiver.by}, {waiver.on})")
+        self._screen.add_listener(CommandLog(self._folder, self._screen))
+        for waiver in self.rig.in_force():
+            self.note(f"Waived: {waiver.sentence}")
+        for waiver in self.rig.lapsed():
+            self.note(f"Not waived any more: {waiver.safeguard}, since {waiver.until} ({waiver.by}, {waiver.on})")
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """The box around the camera."""
@@ -160,7 +163,7 @@ class RealLab:
         return ConfirmedArm(bare, consent, pedal, before=before)
 
     def _require_payload(self, tool: str) -> None:
-        """Raises UsageError if the rig file neither states nor waives what this tool weighs."""
+        """Raises UsageError if the rig file neither states nor waives the weight of this tool."""
         if open_gaps := tuple(gap for gap in gaps(self.rig, tool) if gap.what == "payload"):
             raise UsageError(f"nothing has moved, because of the rig file: {in_words(open_gaps)}")
 

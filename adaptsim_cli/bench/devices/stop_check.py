@@ -1,7 +1,8 @@
-"""The stop button, measured: a person presses it during a slow motion; time and way until rest are kept.
+"""A measurement of the stop button: a person presses it during a slow motion; the time and distance until rest are
+stored.
 
 The motion is a swing of the first joint, or of the next one that the workcell allows, at the reduced speed of
-`hw.stopping`. What is measured begins with the last command that the arm took, and ends where every joint stands.
+`hw.stopping`. The measurement begins with the last command that the arm took, and ends when every joint stands still.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Reporting(Protocol):
 
 
 def swing(q_rad: Array, cell: Workcell, joints: Sequence[int] = JOINTS) -> JointPath:
-    """A slow motion of one of `joints` from the reported joints (7,) that `cell` allows, back at its start.
+    """A slow motion of one of `joints` that begins and ends at the reported joints (7,), and that `cell` allows.
 
     Raises MotionRefused.
     """
@@ -83,10 +84,10 @@ def swinging(path: JointPath) -> str:
 
 
 def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
-    """The measured stop, beside the worst case of the same motion: both of the point that goes farthest.
+    """The measured stop, beside the worst case of the same motion: both for the point that moves farthest.
 
-    The flange does not count: turned by joint 7 it stays where it is. A report without measured joints gives an
-    infinite way, which is beyond every worst case.
+    The flange does not count, because joint 7 turns it in place. A report without measured joints gives an infinite
+    distance, which is beyond every worst case.
     """
     worst = worst_stop(cell, (path,))
     return StopMeasurement(
@@ -111,7 +112,7 @@ class StopCheck:
     release: Release
 
     def measure(self, operator: Callable[[], str]) -> StopMeasurement:
-        """Have the stop button pressed during the swing, keep what was measured, and have the button released.
+        """Have the stop button pressed during the swing, keep the measured stop, and have the button released.
 
         `operator` is asked for the name after the first question. Raises StoppedByOperator, MotionRefused, and ArmFault
         for another fault than the stop button.

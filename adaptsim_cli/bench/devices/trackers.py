@@ -29,6 +29,7 @@ def _piece(task: Task) -> Tracker:
     from perception import piece
     from perception.knock import with_knock
     from perception.overlay import overlay_piece
+    from perception.piece.alone import find_alone
     from sim.tasks.shared.direct import tool_mesh
 
     mesh = tool_mesh(task)
@@ -61,7 +62,7 @@ def _piece(task: Task) -> Tracker:
         return piece.lies_at_home(track, detection, film.before, film.after, film.model, film.X_BC)
 
     return Tracker(
-        find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, centres),
+        find=lambda frame, model, X_BC: find_alone(frame, model, X_BC, centres),
         overlay=lambda frame, model, X_BC, detection, drawn: overlay_piece(
             frame, model, X_BC, detection, area, drawn[:2]
         ),

@@ -138,7 +138,7 @@ def arm(model: str, settings: FrankaSettings) -> Inspection:
 
 
 def arm_report(model: str, settings: FrankaSettings) -> ArmReport:
-    """What the arm says of itself. Raises DeviceUnavailable."""
+    """The arm's description of itself. Raises DeviceUnavailable."""
     from hw.franka.process import ask_report
 
     return ask_report(model, settings, realtime=kernel()[1])

@@ -150,7 +150,7 @@ def checklist(findings: Sequence[Finding], config: Config) -> Iterator[Renderabl
 
 
 def reply(findings: Sequence[Finding], config: Config) -> Reply:
-    """The findings, and the next command if nothing is missing; else the failure names what is."""
+    """The findings, and the next command if nothing is missing; otherwise the failure names the missing things."""
     rows = [{**asdict(finding), "verdict": finding.verdict.value} for finding in findings]
     names = missing_in(findings)
     data = {"ready": not names, "hw": config.hw, "task": config.task, "checks": rows}

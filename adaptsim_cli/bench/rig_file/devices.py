@@ -124,7 +124,12 @@ def _complaint(_: str, kind: object) -> str:
 
 
 OFFERED_INSTRUMENTS = Registry[DeviceKind[Any, Any]](
-    "device", "adaptsim.devices", "DEVICE", INSTRUMENTS, DeviceUnavailable, lambda kind: kind, _complaint
+    label="device",
+    group="adaptsim.devices",
+    attribute="DEVICE",
+    ours=INSTRUMENTS,
+    error=DeviceUnavailable,
+    complaint=_complaint,
 )
 """Our instruments, and those of installed packages."""
 

@@ -16,7 +16,7 @@ from sim.panda.setting_down import SetDown
 
 
 class TouchOffFailed(PreflightFailed):
-    """The places contradict each other, or the tool is not held; what was known before stays in use."""
+    """The places contradict each other, or the tool is not held; the earlier result stays in use."""
 
 
 class PersonAtTool(Protocol):

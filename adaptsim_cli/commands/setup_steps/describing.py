@@ -49,7 +49,7 @@ def arm(answers: Answers) -> None:
 
 
 def stop_button(answers: Answers) -> None:
-    """The button is pressed and released, and the arm says so."""
+    """The button is pressed and released, and the arm reports both."""
     check_stop_button(answers.config, answers.rig, answers.screen)
 
 
@@ -175,7 +175,7 @@ class _Drawn:
         self.again()
 
     def again(self) -> None:
-        """Draw what is known now."""
+        """Draw the rig as far as it is described."""
         rig = self._answers.rig
         self._page.surround(rig.table.plane(), rig.table.x_m, rig.table.y_m, rig.boxes())
 

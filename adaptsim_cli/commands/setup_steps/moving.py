@@ -1,4 +1,4 @@
-"""The steps that use the devices. Each is the function of a command of its own, and continues as that does."""
+"""The steps that use the devices. Each step is the function of a separate command, and continues like that command."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PAPER = "The paper in your printer. The board is printed at its true size; a3 i
 
 
 def board(answers: Answers) -> None:
-    """Print the calibration board, unless one is known already; measure it, and say what it weighs."""
+    """Print the calibration board, unless there is one already; ask for its measured size and its weight."""
     screen, data = answers.screen, answers.places.data
     record = printing.stored_board(data)
     if record is None:

@@ -1,8 +1,8 @@
 """The walk through a setup. Read `STEPS` from the top: this is the order of a lab's first day.
 
-A step is done once nothing in its part of the doctor's checklist is missing. What is done is remembered on the disk; a
-walk that was stopped or killed goes on at the first step that is not done, or whose check no longer passes. A step that
-is done again makes all later ones due.
+A step is done once nothing in its part of the doctor's checklist is missing. Completed steps are stored on the disk. A
+walk that was stopped or killed continues at the first step that is not completed, or whose check no longer passes. If a
+step is repeated, all later ones have to be repeated too.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ STEPS = (
     ),
     Step(
         "stop button", describing.stop_button, ("rig file", "stop button"),
-        "has you press the arm's stop button, sees that the arm says so, and has you release it",
+        "asks you to press the arm's stop button, checks that the arm reports it, and asks you to release it",
     ),
     Step(
         "pedal", describing.pedal, ("rig file", *DEVICES, "instruments"),
@@ -106,7 +106,7 @@ def waive(answers: Answers, name: str) -> None:
 
 
 def command(answers: Answers) -> str:
-    """The command that goes on with this walk."""
+    """The command that continues this walk."""
     return f"adaptsim setup {answers.config.same_lab}"
 
 
@@ -132,7 +132,7 @@ def _do(answers: Answers, step: Step) -> None:
             return
         if answers.defaults:
             raise PreflightFailed(f"not ready: {', '.join(missing)}")
-        again = enter("to check again", "Nothing is asked; the check runs again, after you have mended what it names.")
+        again = enter("to check again", "The check runs again, once you have corrected what it names.")
         other = Key("a", "to answer again", "The questions of this step are asked again.")
         answer = screen.choose("Not ready yet.", again, other, stop("The command ends; the same command goes on."))
         if answer == "q":

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, create_model
+from pydantic.fields import FieldInfo
 
 from hw.records import Record
 
@@ -37,6 +38,20 @@ class Output(Record):
     version: int = Field(
         default=VERSION, description="of this output; it increases when a key is removed or changes its meaning"
     )
+
+
+def printed(meaning: str, **keys: tuple[Any, str | FieldInfo]) -> type[Output]:
+    """The output of a command: its meaning in one sentence, then each key with its type and its meaning.
+
+    A key whose meaning is `optional` is null where the command does not give it.
+    """
+    fields = {key: (kind, described(text) if isinstance(text, str) else text) for key, (kind, text) in keys.items()}
+    model: type[Output] = create_model("Printed", __base__=Output, __doc__=meaning, **fields)  # type: ignore[call-overload]
+    return model
+
+
+FOLDER = (str, "its folder")
+"""A key of several outputs."""
 
 
 def unit_of(name: str) -> str:

@@ -1,7 +1,7 @@
 """Question and answer of a trial with a robot of one's own: the two records of ask and tell.
 
-`adaptsim schema own-robot question` and `adaptsim schema own-robot answer` print their JSON schemas. A key that goes,
-or gets another meaning, raises `VERSION`.
+`adaptsim schema own-robot question` and `adaptsim schema own-robot answer` print their JSON schemas. If a key is
+removed or gets another meaning, `VERSION` is increased.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Answer(HandWritten):
         default=None, description="times of the states, from the start of the motion, increasing"
     )
     state: tuple[Numbers, ...] | None = Field(
-        default=None, description="the object's state at each time: one row a time"
+        default=None, description="the object's state at each time: one row per time"
     )
     end: Numbers | None = Field(default=None, description="instead of a trajectory: the object's state once it rests")
     rest_s: float | None = Field(default=None, ge=0.0, description="when the object came to rest; null: not measured")

@@ -7,7 +7,6 @@ from typing import Any
 from pydantic import Field
 
 from adaptsim_cli.screen.outputs import Output, Quantities, described
-from adaptsim_cli.screen.outputs.exchange import PolicyFile
 from adaptsim_cli.screen.outputs.trials import UNITS, BestRecord, PlayedTrial
 from hw.records import Record
 from sim.adaptation.verdict import Verdict
@@ -37,12 +36,6 @@ class Damaged(Record):
 
     session: str = described("its name")
     error: str = described("what is wrong with it")
-
-
-class SessionList(Output):
-    """All sessions, newest last."""
-
-    sessions: list[SessionRow | Damaged] = described("one each")
 
 
 class ShownResult(Record):
@@ -92,27 +85,6 @@ class Verified(Record):
     newer_keys: tuple[str, ...] = described("keys that a newer version of adaptsim wrote; they are kept and not used")
 
 
-class VerifiedSessions(Output):
-    """Sessions that were read from end to end."""
-
-    sessions: list[Verified] = described("one each")
-
-
-class IndexedSessions(Output):
-    """The page of all sessions."""
-
-    page: str = described("page that was written")
-    sessions: int = described("sessions on it")
-
-
-class Redone(Output):
-    """A trial that will be done again."""
-
-    session: str = described("which session")
-    trial: int = described("number of the trial, from 1")
-    next_attempt: int = described("number of its next attempt, from 1")
-
-
 class Amended(Output):
     """A trial that counts again, or counts with another outcome."""
 
@@ -128,13 +100,6 @@ class Marked(Output):
     session: str = described("which session")
     folder: str = described("its folder")
     note: str = described("the operator's note")
-
-
-class Deleted(Output):
-    """A session that was deleted."""
-
-    session: str = described("which session")
-    deleted: bool = described("true")
 
 
 class PrunedRecordings(Output):
@@ -159,57 +124,6 @@ class Quantity(Record):
     words: list[str] = Field(default=[], description="the words of a category, from 0 on; empty for a number")
 
 
-class Policy(Output):
-    """The best policy of a session as a table."""
-
-    format: int = described("version of the table")
-    session: str = described("which session")
-    task: str = described("which task")
-    checkpoint: str = described("checkpoint that it was trained with")
-    checkpoint_sha256: str = described("hash of the checkpoint's weights")
-    parameters: Quantities = described("parameters that it was trained for, in the units of `quantities`")
-    quantities: dict[str, list[Quantity]] = described(
-        "the quantities in `parameters`, `context` and `action`, in order"
-    )
-    contexts: list[list[float]] = described("contexts over the whole area, in units")
-    actions: list[list[float]] = described("the policy's action at each, in units")
-    policies: list[PolicyFile] | None = Field(
-        default=None, description="the trained policy of each action, for a task that trains its policies"
-    )
-
-
-class Exported(Output):
-    """Trials in the format of another program."""
-
-    session: str = described("which session")
-    format: str = described("which format")
-    written: list[str] = described("files and folders that were written")
-
-
-class Replayed(Output):
-    """A trial as a video or a Rerun file."""
-
-    session: str = described("which session")
-    trial: int = described("number of the trial, from 1")
-    recording: str = described("the recording that it was made from")
-    written: str = described("file that was written")
-
-
-class Bundled(Output):
-    """A session for a bug report."""
-
-    session: str = described("which session")
-    bundle: str = described("archive that was written")
-    files: list[str] = described("its contents")
-
-
-class Reported(Output):
-    """The page of a session."""
-
-    session: str = described("which session")
-    report: str = described("page that was written")
-
-
 class ComparedMethod(Record):
     """The pooled result of the sessions of one method."""
 
@@ -232,18 +146,6 @@ class ParameterBelief(Record):
     low: float | None = described("lower end of the 90 % interval; null where the posterior collapsed onto one sample")
     median: float | None = described("median of the posterior; null where it collapsed")
     high: float | None = described("upper end of the interval; null where the posterior collapsed")
-
-
-class Compared(Output):
-    """Several sessions beside each other."""
-
-    task: str = described("which task")
-    sessions: list[dict[str, str | int | float]] = described("the rows of sessions.csv")
-    methods: list[ComparedMethod] = described("one for each method")
-    identical: list[list[str]] = described("groups of sessions that repeat each other, trial by trial")
-    posteriors: list[ParameterBelief] = described("one for each session with a posterior and each parameter")
-    page: str = described("page that was written")
-    tables: list[str] = described("tables that were written")
 
 
 class Stored(Record):
@@ -277,11 +179,3 @@ class RetrackedTrial(Record):
     end_apart_mm: float | None = described("distance between the two ends")
     most_apart_mm: float | None = described("largest distance between the two tracks")
     failure: str | None = described("why tracking failed")
-
-
-class Retracked(Output):
-    """Trials of a session, tracked again."""
-
-    session: str = described("which session")
-    units: dict[str, str] = described(UNITS)
-    trials: list[RetrackedTrial] = described("one each")

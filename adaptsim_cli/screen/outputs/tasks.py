@@ -15,7 +15,7 @@ class TaskWritten(Output):
 
 
 class CheckedFinding(Record):
-    """One thing that a task keeps, or does not."""
+    """One rule that a task keeps or breaks."""
 
     check: str = described("what every task keeps")
     mark: str = described("kept, doubtful or broken")
@@ -23,7 +23,7 @@ class CheckedFinding(Record):
 
 
 class TaskChecked(Output):
-    """What a task keeps. It is printed also if something is broken; the exit code is then 2."""
+    """The rules that a task keeps. It is printed also if something is broken; the exit code is then 2."""
 
     task: str = described("its name")
     file: str | None = optional("the file that declares it; null: a package")

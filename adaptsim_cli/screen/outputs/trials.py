@@ -246,15 +246,3 @@ class Limit(Record):
     limit: float = described("the limit, in `unit`")
     unit: str = described("unit of both")
     ratio: float = described("share of the limit that is used, 1 is all of it")
-
-
-class Preview(Output):
-    """One planned motion."""
-
-    task: str = described("which task")
-    arm: str = described("for which arm")
-    units: dict[str, str] = described(UNITS)
-    context: Quantities = described("context that it was planned for, in `units`")
-    action: Quantities = described("its action, in `units`")
-    duration_s: list[float] = described("of approach, motion and return")
-    limits: list[Limit] = described("every limit of every path")

@@ -1,4 +1,5 @@
-"""The files of a question and its answer, in the session's folder `questions`; they outlive adaptsim and the program.
+"""The files of a question and its answer, in the session's folder `questions`; they remain when adaptsim or the program
+ends.
 
 questions/trial-003-attempt-1/trial.question.json   one line, as a program gets it on stdin
                               trial.answer.json     as it came; may be corrected by hand
@@ -61,7 +62,7 @@ class Exchange:
         return Question.model_validate_json(self.question_file.read_bytes())
 
     def keep(self, content: bytes) -> None:
-        """Keep an answer, whatever it says."""
+        """Keep an answer without checking it."""
         durable.replace_file(self.answer_file, content)
 
     def answer(self) -> Answer | None:

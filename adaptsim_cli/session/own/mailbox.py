@@ -1,4 +1,4 @@
-"""The caller of `Session.ask` and `Session.tell` answers: a question stays open until its answer is told."""
+"""The caller of `Session.ask` and `Session.tell` answers: a question stays open until its answer is given."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ class TypedAnswers:
             try:
                 value = float(typed)
             except ValueError:
-                self.screen.note(f"  {typed or 'Enter alone'} is no number; write it with a point, for example 0.85.")
+                self.screen.note(f"  {typed or 'Enter alone'} is not a number; write it with a point, e.g. 0.85.")
                 continue
             if math.isfinite(value):
                 return value

@@ -75,7 +75,7 @@ class Program:
             self.release.take(exchange.digest, what)
             run = self._start(exchange)
         elif run.is_running:
-            self._note(f"The program of trial {question.trial} is still running; its answer is waited for.")
+            self._note(f"The program of trial {question.trial} is still running, and the session waits for its answer.")
         with progress("Waiting for the program", "moving"):
             over = self._wait(run)
         while not over:
@@ -126,13 +126,14 @@ class Program:
         return True
 
     def _ask_whether_to_wait(self) -> None:
-        late = f"the program has not answered within {self.limit_s:g} s (answer_limit_s); it goes on, nothing stops it"
+        silent = f"the program has not answered within {self.limit_s:g} s (answer_limit_s)"
+        late = f"{silent}; it continues, and nothing stops it"
         if self.screen is None or not self.moves:
             raise AnswerRefused(f"{late}. The same command takes its answer later")
         self.screen.note(f"{late[0].upper()}{late[1:]}.")
-        on = Key("w", "to wait on", "The program goes on, and its answer is waited for.")
+        on = Key("w", "to wait on", "The program continues, and the session waits for its answer.")
         leave = stop(
-            "This command ends. The program goes on; the same command takes its answer, and does not run it again."
+            "This command ends. The program continues; the same command takes its answer, and does not run it again."
         )
         if self.screen.choose("Wait on?", on, leave) == "q":
             raise AnswerRefused(f"{late}. The same command takes its answer later")
@@ -161,7 +162,7 @@ class Run:
 
     @property
     def receipt(self) -> Path:
-        """There once its output was taken as an answer: who deletes that wants another run."""
+        """This file exists once the output was taken as an answer. If a person deletes it, the program runs again."""
         return Path(f"{self.stem}.taken")
 
     @property

@@ -47,18 +47,28 @@ def _table(content: bytes) -> Mapping[str, Any]:
     try:
         text = content.decode("utf-8-sig").strip()
     except UnicodeDecodeError as error:
-        raise AnswerRefused(f"it is no text in UTF-8 (byte {error.start}): print one JSON object") from error
+        raise AnswerRefused(f"it is not text in UTF-8 (byte {error.start}): print one JSON object") from error
     if not text:
         raise AnswerRefused("it is empty: print one JSON object, at the end of the output")
     for part in (text, text.splitlines()[-1]):
         try:
-            table = json.loads(part)
+            table = json.loads(part, object_pairs_hook=_without_repeats)
         except (json.JSONDecodeError, RecursionError):
             continue
         if isinstance(table, dict):
             return table
         raise AnswerRefused(f"it is a JSON {type(table).__name__}, and must be one object in braces")
     raise AnswerRefused(f"neither all of it nor its last line is JSON: {text.splitlines()[-1][:80]!r}")
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these keys and values. Raises AnswerRefused if a key is there twice."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        names = [name for name, _ in pairs]
+        repeated = next(name for name in names if names.count(name) > 1)
+        raise AnswerRefused(f"it has {repeated} twice: leave one of them out")
+    return table
 
 
 def _tuples(value: Any) -> Any:
@@ -72,7 +82,7 @@ def _require_one_kind(answer: Answer, question: Question) -> None:
     if answer.rejected is not None or answer.impossible is not None:
         if answer.rejected is not None and answer.impossible is not None:
             raise AnswerRefused(
-                "it says both rejected and impossible: rejected asks for the same again, impossible for another action"
+                "it says both rejected and impossible: rejected repeats the trial, impossible asks for another action"
             )
         if not (answer.rejected or answer.impossible or "").strip():
             raise AnswerRefused("it rejects the trial without a reason: write one sentence")
@@ -123,7 +133,7 @@ def track_of(answer: Answer, question: Question, task: Task) -> ObjectTrack:
     end_m = np.full(3, np.nan) if answer.end_in_tool_m is None else np.array(answer.end_in_tool_m)
     track = ObjectTrack(t_s, state, outcome, end_m, np.ones(len(t_s)))
     last_s = np.inf if answer.rest_s is not None or answer.end is not None or rests(task, track) else float(t_s[-1])
-    if answer.rest_s is not None and answer.rest_s < t_s[-1] and answer.end is None:
+    if answer.rest_s is not None and answer.end is None:
         _require_rest(answer.rest_s, track, task)
     track = ObjectTrack(
         t_s,
@@ -172,7 +182,7 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         return np.array([after_s if answer.rest_s is None else answer.rest_s]), np.array([answer.end])
     times, rows = answer.t_s or (), answer.state or ()
     if len(times) != len(rows):
-        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: there must be one row a time")
+        raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: give one row for each time")
     if len(times) < 2:
         raise AnswerRefused(f"the trajectory has {len(times)} states, and needs two: to report the end alone, give end")
     wrong = next((i for i, row in enumerate(rows) if len(row) != len(columns)), None)
@@ -203,7 +213,12 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
 
 
 def _require_rest(rest_s: float, track: ObjectTrack, task: Task) -> None:
-    observation = task.observation
+    observation, last_s = task.observation, float(track.t_s[-1])
+    if rest_s > last_s + NEAR_S:
+        raise AnswerRefused(
+            f"rest_s = {rest_s:g}, and the last state is at {last_s:.4g} s: is rest_s in seconds since the start of "
+            "the motion? Report states until the object rests"
+        )
     later = track.state[track.t_s >= rest_s][:, list(observation.columns)]
     moved = float((np.ptp(later, axis=0) / (observation.high - observation.low)).max()) if len(later) > 1 else 0.0
     if moved > 0.05:

@@ -52,15 +52,21 @@ class OwnTarget:
     expectations: Expectations | None = None  # of the session's simulator; None: answers are not compared with it
     _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
 
-    def __post_init__(self) -> None:
-        for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
+    @classmethod
+    def of_session(
+        cls, task: Task, session: Path, answerer: Answerer, method: str, expectations: Expectations | None = None
+    ) -> OwnTarget:
+        """The target of a session, with the actions that its robot could not do before."""
+        target = cls(task, session, answerer, method, expectations)
+        for file in sorted((session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")
             try:
                 answer, question = exchange.answer(), exchange.question()
             except (AnswerRefused, OSError, ValueError):
                 continue
             if answer is not None and answer.impossible and question.action is not None:
-                self._note_impossible(question)
+                target._note_impossible(question)
+        return target
 
     @property
     def title(self) -> str:
@@ -100,7 +106,7 @@ class OwnTarget:
         return False
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
-        """See `Target`: the measured context is asked for, if the task needs it.
+        """See `Target`: asks for the measured context, if the task needs it.
 
         Raises AnswerAwaited, AnswerRefused.
         """
@@ -122,7 +128,7 @@ class OwnTarget:
         )
 
     def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
-        """See `Target`: whether the action can be done, the robot's own code knows."""
+        """See `Target`: only the robot's own code knows whether the action can be done."""
         who = self.answerer
         return PlannedTrial(
             placed.drawn,
@@ -158,7 +164,7 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """What this trial and those before it have in common that contradicts their commands."""
+        """A mistake that this trial and those before it have in common, because they contradict their actions."""
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

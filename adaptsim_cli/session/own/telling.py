@@ -1,4 +1,4 @@
-"""Questions of a stored session that are open, and keeping an answer that was told."""
+"""The open questions of a stored session, and how an answer is kept."""
 
 from __future__ import annotations
 

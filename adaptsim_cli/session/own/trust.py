@@ -1,4 +1,4 @@
-"""The program that answers for a robot: whether the current folder decides what runs, so that a person confirms it.
+"""The program that answers for a robot: if the current folder decides which program runs, a person has to confirm it.
 
 A command that a settings file of the current folder names is bound to the folder, to every file in it and to every path
 elsewhere that the command names. A command of the user's own settings is bound to the folder whose files it names.
@@ -35,7 +35,7 @@ def require_trusted(resolved: Resolved, screen: Screen, *, yes: bool) -> None:
 
 
 def own_claims(resolved: Resolved) -> tuple[FileClaim, ...]:
-    """What the current folder decides about a robot of one's own: nothing, if a person answers or types the program."""
+    """The claims of the current folder on a robot of one's own; none if a person answers or types the program."""
     command, folder = resolved.config.answer_with, resolved.places.project_file.parent.resolve()
     source = resolved.sources.get("answer_with")
     if command in ("", PERSON) or source == FLAG:
@@ -64,7 +64,7 @@ def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> FileClaim
     else:
         bound |= files
         where = ", ".join(map(str, ("this folder", *elsewhere)))
-        meaning += f" Bound to {len(files)} files of {where} ({UNREAD} aside): a change of any of them asks again."
+        meaning += f" Bound to {len(files)} files of {where} (except {UNREAD}): a change of any of them asks again."
     return FileClaim(PROGRAM, folder, bound, meaning)
 
 

@@ -51,7 +51,7 @@ def of_robomimic(folder: Path, source: Robomimic) -> list[RawTrial]:
     for path in paths:
         with _opened(path) as file:
             if "data" not in file:
-                raise RecordingsRefused(f"{path} has no group 'data', so it is no robomimic data set")
+                raise RecordingsRefused(f"{path} has no group 'data', so it is not a robomimic data set")
             for name in sorted(file["data"], key=lambda one: (len(one), one)):
                 demo = file["data"][name]
                 read = {where: _dataset(path, demo, where) for where in (*source.state, *source.fields.values())}
@@ -72,7 +72,7 @@ def _opened(path: Path) -> Iterator[Any]:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, KeyError, ValueError, RuntimeError, TypeError, AttributeError, Unreadable) as error:
-        raise RecordingsRefused(f"{path} is no readable robomimic data set: {error}") from error
+        raise RecordingsRefused(f"{path} is not a readable robomimic data set: {error}") from error
 
 
 def _dataset(path: Path, demo: Any, where: str) -> Array:
@@ -92,9 +92,9 @@ def _series(path: Path, cells: Sequence[Any], where: str) -> Array:
     try:
         values = np.array([cell if index is None else cell[index] for cell in cells], dtype=np.float64)
     except (TypeError, ValueError, IndexError) as error:
-        raise RecordingsRefused(f"{path}: {where} is no number in every row: {error}") from error
+        raise RecordingsRefused(f"{path}: {where} is not a number in every row: {error}") from error
     if values.ndim != 1:
-        raise RecordingsRefused(f"{path}: {where} has {values.shape[1]} numbers a row: name one, e.g. {where}[0]")
+        raise RecordingsRefused(f"{path}: {where} has {values.shape[1]} numbers in each row: name one, e.g. {where}[0]")
     return values
 
 

@@ -1,5 +1,5 @@
-"""A folder of recorded trials: CSV or Parquet tables, MCAP files of ROS 2 messages that others wrote (one a trial), or
-sessions of this program; and its digest.
+"""A folder of recorded trials: CSV or Parquet tables, MCAP files of ROS 2 messages that others wrote (one per trial),
+or sessions of this program; and its digest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from adaptsim_cli.session.recorded.manifest import (
 )
 from adaptsim_cli.session.recorded.messages import of_mcap
 from adaptsim_cli.session.recorded.tables import numbers, read_columns, require_columns
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import readable
 from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_sound
 
@@ -52,7 +52,7 @@ def read_recorded(task: Task, folder: Path) -> RecordedTrials:
 
 
 def compared(trials: RecordedTrials, expectations: Expectations) -> RecordedTrials:
-    """The same trials, once the task's simulator agrees that they follow from their actions as they are written.
+    """The same trials, after the task's simulator has confirmed that they fit their actions as they are written.
 
     With `as_written` a doubt becomes a note. Raises RecordingsRefused if another reading of them fits much better.
     """
@@ -92,24 +92,25 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
     for name in manifest.sessions:
         where = folder / name
         if "\0" in name or not (where / FACTS).exists():
-            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is no session")
+            raise RecordingsRefused(f"{folder / MANIFEST}: {where} is not a session")
         trials += _of_session(task, where)
     return trials, ()
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
     """Every trial that counts, of repeated actions the first. Raises RecordingsRefused for another task."""
-    store = SessionStore.open(folder.parent, folder.name)
-    if store.facts.task != task.name:
-        raise RecordingsRefused(f"{folder} is a session of {store.facts.task}, not of {task.name}")
+    with readable(folder.parent, folder.name) as store:
+        facts, trials = store.facts, trials_of(store)
+    if facts.task != task.name:
+        raise RecordingsRefused(f"{folder} is a session of {facts.task}, not of {task.name}")
     raw, actions = list[RawTrial](), set[tuple[float, ...]]()
-    for trial in trials_of(store):
+    for trial in trials:
         if (action := tuple(trial.action.values())) in actions:
             continue
         actions.add(action)
         track = trial.track.track()
         values: dict[str, float | str] = {**trial.context, **trial.action, OUTCOME: trial.outcome.value}
-        name = f"{store.facts.name}/{trial.trial}"
+        name = f"{facts.name}/{trial.trial}"
         raw.append(RawTrial(name, values, track.t_s, track.state, track.end_in_tool_m))
     return raw
 

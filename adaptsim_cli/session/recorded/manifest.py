@@ -27,8 +27,8 @@ MANIFEST = "recorded.toml"
 class Tables(Record):
     """Trials as rows of CSV or Parquet files."""
 
-    trials: str = Field("trials.csv", description="file with one row a trial")
-    trajectories: str = Field("trajectories.csv", description="file with one row a sample")
+    trials: str = Field("trials.csv", description="file with one row per trial")
+    trajectories: str = Field("trajectories.csv", description="file with one row per sample")
     state: tuple[str, ...] = Field(description="columns of a trajectory, in the order of the task's track")
     columns: dict[str, str] = Field(
         default_factory=dict,
@@ -50,7 +50,7 @@ class Tables(Record):
         return self.columns.get(ours, ours)
 
     def our_names(self, columns: Iterable[str]) -> dict[str, str]:
-        """Our name of each column that counts. A mapped name wins over a column that is called so."""
+        """Our name of each column that counts. A mapped column overrides a column of that name."""
         renamed = {theirs: name for name, theirs in self.columns.items()}
         return {c: renamed.get(c, c) for c in columns if c in renamed or c not in self.columns}
 
@@ -65,7 +65,7 @@ class Tables(Record):
 
 
 class Mcap(Record):
-    """Trials as MCAP files of ROS 2 messages, one file a trial."""
+    """Trials as MCAP files of ROS 2 messages, one file per trial."""
 
     files: str = Field("*.mcap", description="which files, each one trial")
     trajectory: str = Field(description="topic of the object's state")
@@ -194,7 +194,7 @@ def _number(trial: RawTrial, name: str) -> float:
         raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {listing}") from error
     except (TypeError, ValueError) as error:
         cell = trial.values[name]
-        raise RecordingsRefused(f"trial {trial.name}: {name} = {cell!r} is no number{number_hint(cell)}") from error
+        raise RecordingsRefused(f"trial {trial.name}: {name} = {cell!r} is not a number{number_hint(cell)}") from error
     if not math.isfinite(value):
         raise RecordingsRefused(f"trial {trial.name}: {name} = {value:g} is not finite")
     return value
@@ -239,7 +239,7 @@ def _outcome(trial: RawTrial) -> Outcome:
 
 
 def _require_rewards(trials: RecordedTrials, raw: Sequence[RawTrial]) -> None:
-    """Raises RecordingsRefused if the task scores a trial otherwise than its recording."""
+    """Raises RecordingsRefused if the task computes another reward than the one in the recording."""
     for trial, track, context in zip(
         raw, trials.tracks, [] if trials.contexts is None else trials.contexts, strict=True
     ):

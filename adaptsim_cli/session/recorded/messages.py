@@ -1,4 +1,4 @@
-"""MCAP files of ROS 2 messages that others recorded: one trial a file."""
+"""MCAP files of ROS 2 messages that others recorded, with one trial per file."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _trial(path: Path, source: Mcap) -> RawTrial:
     try:
         state = np.array([[float(_field(path, one.content, where)) for where in source.state] for one in states])
     except (TypeError, ValueError) as error:
-        raise RecordingsRefused(f"{path}: a state of {source.trajectory} is no number: {error}") from error
+        raise RecordingsRefused(f"{path}: a state of {source.trajectory} is not a number: {error}") from error
     valid = t_s >= 0.0 if source.start else np.ones(len(t_s), dtype=bool)
     return RawTrial(path.stem, values, t_s[valid], state[valid])
 
@@ -80,7 +80,7 @@ def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
         raise
     except (*DAMAGED, Unreadable, McapError, AttributeError, TypeError, RecursionError) as error:
         reason = str(error) or f"it ends too early ({type(error).__name__})"
-        raise RecordingsRefused(f"{path} is no readable MCAP file of ROS 2 messages: {reason}") from error
+        raise RecordingsRefused(f"{path} is not a readable MCAP file of ROS 2 messages: {reason}") from error
     except Exception as error:  # the parser of message definitions raises plain exceptions
         raise RecordingsRefused(f"{path}: a message definition in it cannot be read: {error}") from error
 
@@ -125,5 +125,5 @@ def _field(path: Path, content: Any, where: str) -> float | str:
             shown = where if len(where) < 80 else f"{where[:60]}…"
             raise RecordingsRefused(f"{path}: its messages have no field {shown!r}") from error
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise RecordingsRefused(f"{path}: the field {where!r} is no number and no text")
+        raise RecordingsRefused(f"{path}: the field {where!r} is neither a number nor a text")
     return value

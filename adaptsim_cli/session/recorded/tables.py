@@ -65,7 +65,7 @@ def numbers(path: Path, columns: Columns, name: str) -> Array:
             float(cell)
         except (TypeError, ValueError) as error:
             what = f"{path}, line {line}: {name} = {cell!r}"
-            raise RecordingsRefused(f"{what} is no number{number_hint(cell)}") from error
+            raise RecordingsRefused(f"{what} is not a number{number_hint(cell)}") from error
     raise RecordingsRefused(f"{path}: the column {name} holds no numbers")
 
 

@@ -6,7 +6,6 @@ A package offers one by an entry point of the group `adaptsim.loggers`: its name
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -30,7 +29,7 @@ class SessionLogger(Protocol):
         """Keep a picture."""
 
     def close(self) -> None:
-        """Write what is not written yet."""
+        """Write everything that is not written yet."""
 
 
 OpenLogger = Callable[[Path, str, Words], SessionLogger]
@@ -39,13 +38,15 @@ OpenLogger = Callable[[Path, str, Words], SessionLogger]
 OURS = {name: f"adaptsim_cli.show.loggers.{name}_log" for name in ("tensorboard", "wandb", "mlflow")}
 
 
-def _ours(module: str) -> OpenLogger:
-    opener: OpenLogger = import_module(module).open_logger
-    return opener
-
-
 def _complaint(name: str, opener: Any) -> str:
     return "" if callable(opener) else f"is a {type(opener).__name__}, not a function"
 
 
-LOGGERS = Registry[OpenLogger]("logger", "adaptsim.loggers", "open_logger", OURS, UsageError, _ours, _complaint)
+LOGGERS = Registry[OpenLogger](
+    label="logger",
+    group="adaptsim.loggers",
+    attribute="open_logger",
+    ours=OURS,
+    error=UsageError,
+    complaint=_complaint,
+)

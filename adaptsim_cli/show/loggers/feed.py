@@ -1,4 +1,6 @@
-"""What a logger gets of a session: reward, parameters, verdict and pictures, as each trial and iteration is stored."""
+"""The values of a session for a logger: reward, parameters, verdict and pictures, as soon as a trial or iteration is
+stored.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +57,12 @@ def logged_again(name: str, folder: Path, store: SessionStore) -> Path:
 
 
 class Feed:
-    """`Watcher` that gives a logger what is new. A logger that fails gets no more, and the session goes on."""
+    """`Watcher` that gives a logger the new values. A logger that fails is not used any more, and the session
+    continues.
+    """
 
     def __init__(self, name: str, logger: SessionLogger, screen: Screen, store: SessionStore) -> None:
-        """What the session has already is given at once, because a log begins anew with each command."""
+        """The values that the session has already are given at once, because each command begins a new log."""
         self._name, self._screen = name, screen
         self._logger: SessionLogger | None = logger
         self._kept: set[str] = set()

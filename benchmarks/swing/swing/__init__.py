@@ -1,6 +1,6 @@
 """Swing: a double pendulum with Coulomb friction is driven for one second, and its outer link should end at an angle.
 
-A task package as another lab would write it (docs/guide/add-a-task.md). Its reality are recorded runs.
+A task package as another lab would write it (docs/guide/add-a-task.md). Its real trials are recorded runs.
 
 The angles count from hanging down, the second relative to the first. The equations and the friction's shape are those
 of DFKI's double_pendulum, with lumped parameters.
@@ -100,7 +100,7 @@ ACTION = Space(
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """What a world may add: nothing."""
+    """The effects that a world may add: none."""
 
 
 def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None) -> ObjectTrack:

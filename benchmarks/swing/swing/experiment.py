@@ -1,6 +1,6 @@
 """Runs of a real double pendulum predicted: python -m swing.experiment FOLDER [--page PAGE].
 
-FOLDER holds the identification runs of DFKI's design C.1 (docs/results/double-pendulum.md), one NPZ file a run. Each is
+FOLDER has the identification runs of DFKI's design C.1 (docs/results/double-pendulum.md), one NPZ file per run. Each is
 cut into windows of one second; twenty windows, drawn by the seed, update the simulation parameters, and the others are
 predicted. The last line is one JSON object.
 """
@@ -65,7 +65,7 @@ def read_windows(folder: Path) -> RecordedTrials:
             with np.load(path, allow_pickle=False) as file:
                 t_s, *columns = (np.asarray(file[name], dtype=np.float64) for name in ("time", *_COLUMNS))
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} is no run (arrays time, {', '.join(_COLUMNS)}): {error}") from error
+            raise ValueError(f"{path} is not a run (arrays time, {', '.join(_COLUMNS)}): {error}") from error
         if (
             len({len(t_s), *map(len, columns)}) > 1
             or not np.isfinite([t_s, *columns]).all()

@@ -1,6 +1,6 @@
 """Toss: a cube is thrown onto a table and should come to rest at a goal, with a wanted face on top.
 
-A task package as another lab would write it (docs/guide/add-a-task.md). Its reality are recorded tosses.
+A task package as another lab would write it (docs/guide/add-a-task.md). Its real trials are recorded tosses.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ STATE = ("x", "y", "z", "up_x", "up_y", "up_z")
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """What a world may add and no parameter expresses."""
+    """The effects that a world may add and that no parameter expresses."""
 
     slope_rad: float = 0.0  # of the table; positive: towards -x
 

@@ -1,9 +1,10 @@
-"""Tosses or conclusion: why methods earn differently on recorded tosses: python -m toss.crossed TOSSES.
+"""Why methods earn differently on recorded tosses, by their choice of tosses or by their conclusions: python -m
+toss.crossed TOSSES.
 
-A session chooses tosses, then a final policy. Each method concludes from its own tosses and from those of the other,
-so the two parts separate. `adaptsim` also concludes without its caution (the surer of two equal actions), and as if its
-grid had no error (`Simulators.is_grid`). Simulations are those of `toss.experiment`, in the same folder `--out`.
-Stop it at any time: the same command continues. The last line is one JSON object.
+A session chooses tosses, then a final policy. Each method draws conclusions from its own tosses and from those of the
+other, which separates the two parts. `adaptsim` also concludes without its caution (the surer of two equal actions),
+and as if its grid had no error (`Simulators.is_grid`). Simulations are those of `toss.experiment`, in the same folder
+`--out`. Stop it at any time: the same command continues. The last line is one JSON object.
 """
 
 from __future__ import annotations

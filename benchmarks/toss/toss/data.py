@@ -42,7 +42,7 @@ def read_tosses(path: Path) -> Tosses:
         with np.load(path, allow_pickle=False) as file:
             state, start, number = (np.asarray(file[key], dtype=np.float64) for key in ("state", "start", "number"))
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} is no file of tosses (arrays state, start, number): {error}") from error
+        raise ValueError(f"{path} is not a file of tosses (arrays state, start, number): {error}") from error
     bounds = start.astype(int)
     if state.ndim != 2 or state.shape[1] != _COLUMNS or not np.isfinite(state).all():
         raise ValueError(f"{path}: state must be finite, (T, {_COLUMNS}), not {state.shape}")

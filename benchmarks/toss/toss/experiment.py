@@ -1,4 +1,4 @@
-"""The method judged on tosses that other people recorded: python -m toss.experiment TOSSES (`make tosses TOSSES=FILE`).
+"""The method tested on tosses that other people recorded: python -m toss.experiment TOSSES (`make tosses TOSSES=FILE`).
 
 A session sees one half of the recorded tosses, and each of them once; its final policy chooses among the other half.
 Each pair of a grid point and a toss is simulated once and kept in the folder `--out`. Stop it at any time: the same
@@ -37,7 +37,7 @@ from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import PROBES, GridSolver
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
-from sim.tasks.task import SolvedPolicy
+from sim.tasks.task import PredictedOutcomes, SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
 from toss.data import Tosses, read_tosses
 from toss.page import write
@@ -60,7 +60,7 @@ CONTEXTS = 64
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """One half of the tosses, with the simulator that answers for them."""
+    """One half of the tosses, with the simulator that predicts them."""
 
     grid: GridSolver
     trials: RecordedTrials
@@ -80,7 +80,7 @@ class Half:
         return RewardTable(self.grid.points, self.grid.points, rewards)
 
     def earned_by_points(self, seed: int) -> Array:
-        """(K,) what the policies of the grid's points earn with the recordings of this half, averaged over goals."""
+        """(K,) rewards of the policies of the grid's points with the recordings of this half, averaged over goals."""
         contexts = judged_contexts(TASK, CONDITIONS, seed)
         every = range(len(self.trials))
         real = np.array([self.trials.rewards(every, np.tile(context, (len(every), 1))) for context in contexts])
@@ -88,15 +88,13 @@ class Half:
 
     def _predicted(self, contexts: Array) -> Array:
         """(G, A, K) rewards of every toss at every point of the grid."""
-        success, end = self.outcomes
-        return np.stack([success * TASK.reward_of_success(end, context) for context in contexts])
+        return np.stack([TASK.expected_reward(self.outcomes, context) for context in contexts])
 
     @cached_property
-    def outcomes(self) -> tuple[Array, Array]:
-        """Success (A, K) and end states (A, K, k) of every toss at every point of the grid."""
+    def outcomes(self) -> PredictedOutcomes:
+        """The outcomes (A, K) of every toss at every point of the grid."""
         points, contexts = self.grid.points[None], self.grid.contexts[:1]
-        success, end = self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts)
-        return success[0], end[0]
+        return self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts).mean_of_ensemble
 
 
 @dataclass(frozen=True, eq=False)

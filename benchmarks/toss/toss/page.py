@@ -1,4 +1,4 @@
-"""The page of the results: what the method earns on tosses that other people recorded."""
+"""The page of the results: rewards of the methods on tosses that other people recorded."""
 
 from __future__ import annotations
 
@@ -89,14 +89,14 @@ def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
     if not others:
         return told
     best = max(others, key=lambda name: float(np.mean([row[name] for row in rows])))
-    return f"{told} The best other method is `{best}`; `adaptsim` minus it is {_gain(rows, 'adaptsim', best)}, paired."
+    return f"{told} The best other method is `{best}`; the paired difference to it is {_gain(rows, 'adaptsim', best)}."
 
 
 def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
-    """How far off the simulator ends: with each toss's own best point, with the best point of all, and how far the ends
-    of neighbouring points are apart.
+    """The error of the simulated ends with each toss's own best point and with the best point of all, and the distance
+    between the ends of neighbouring points.
     """
-    _, ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1])
+    ends = grid.outcomes(grid.points[None], tosses.actions[:, None], np.zeros(0), grid.contexts[:1]).end_state
     real = np.stack([track.state[-1, :2] for track in tosses.tracks])
     off_m = np.linalg.norm(ends[0, ..., :2] - real[:, None], axis=-1)
     unit = TASK.parameters.normalise(grid.points)
@@ -107,8 +107,12 @@ def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
         "joint": np.median(off_m, axis=0).min(),
         "apart": np.median(apart_m),
     }
-    right = "So the silence is right: these tosses cannot tell a wrong simulator from a coarse grid."
-    wrong = "So the silence is **wrong**: neighbouring points differ by less than what the best one leaves."
+    right = (
+        "So it is right to say nothing, because these tosses cannot distinguish a wrong simulator from a coarse grid."
+    )
+    wrong = (
+        "So it is **wrong** to say nothing, because neighbouring points differ by less than the error of the best one."
+    )
     values = {f"{name}_mm": f"{1e3 * value:.0f}" for name, value in medians_m.items()}
     return values | {"right": right if medians_m["joint"] <= medians_m["apart"] else wrong}
 

@@ -1,7 +1,7 @@
 """A cube falls on a table, in Drake: the cube is compliant hydroelastic, the table a rigid half space.
 
-The cube is that of ContactNets (Pfrommer, Halm, Posa, CoRL 2020). The step belongs to the model: with 1 ms a cube of
-the same dissipation bounces much longer (docs/results/tosses.md).
+The cube is that of ContactNets (Pfrommer, Halm, Posa, CoRL 2020). The time step is a part of the model: with 1 ms a
+cube of the same dissipation bounces much longer (docs/results/tosses.md).
 """
 
 from __future__ import annotations

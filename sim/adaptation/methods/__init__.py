@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
 from hw.plugins import Registry
@@ -58,18 +57,16 @@ METHODS: Mapping[str, MethodKind] = {
 
 
 def kind_of(name: str) -> MethodKind:
-    """The declaration of a method; of a package's, or one registered here, the usual one."""
+    """The declaration of a method. A method of a package, or one registered here, has the default declaration."""
     return METHODS.get(name, MethodKind())
 
 
-def _ours(kind: MethodKind) -> Factory:
-    module, _, function = kind.create.partition(":")
-    factory: Factory = getattr(import_module(module), function)
-    return factory
-
-
 REGISTRY: Registry[Factory] = Registry(
-    "method", "adaptsim.methods", "create", METHODS, UnknownName, _ours, lambda name, create: ""
+    label="method",
+    group="adaptsim.methods",
+    attribute="create",
+    ours={name: kind.create for name, kind in METHODS.items()},
+    error=UnknownName,
 )
 
 _registered: dict[str, Factory] = {}

@@ -44,7 +44,7 @@ class AdaptSim:
     """A deterministic `Method` with `OwnPolicies`, and `Forecasting` (`sim.adaptation.method`)."""
 
     simulators: Simulators
-    _known: dict[bytes, OutcomePosterior] = field(default_factory=dict, repr=False)  # by trials
+    _posteriors: dict[bytes, OutcomePosterior] = field(default_factory=dict, repr=False)  # by trials
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E with the highest expected reward before any trial, and others that may earn more."""
@@ -80,10 +80,10 @@ class AdaptSim:
         """The knowledge from the trials of `history`; cached per set of trials."""
         trials = tuple(t for iteration in history for tried in iteration for t in tried.trials)
         key = b"".join(trial.key for trial in trials)
-        if key not in self._known:
-            self._known.clear()
-            self._known[key] = OutcomePosterior(self.simulators, trials)
-        return self._known[key]
+        if key not in self._posteriors:
+            self._posteriors.clear()
+            self._posteriors[key] = OutcomePosterior(self.simulators, trials)
+        return self._posteriors[key]
 
     def _particles(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
         reward_table, weights = self.simulators.reward_table, self.outcome_posterior(history).weights

@@ -1,4 +1,4 @@
-"""Baselines that could win, of the sealed benchmark: simple methods that use the knowledge of the simulator well.
+"""Baselines of the sealed benchmark that could win: simple methods that use the knowledge of the simulator well.
 
 `best-of-first` tries a few actions that are fixed before any trial, and keeps the one that earned most. `least-squares`
 fits the parameters of an exact simulator to all trajectories. `simopt` is SimOpt (Chebotar et al. 2019) with the task
@@ -53,7 +53,7 @@ def create_best_of_first(task: Task, checkpoint: Checkpoint | None) -> BestOfFir
 
 @dataclass(frozen=True, eq=False)
 class BestOfFirst:
-    """A `Method` with `OwnPolicies`: `RULES` policies in turn, none of which changes."""
+    """A `Method` with `OwnPolicies`, which tries `RULES` fixed policies in turn."""
 
     before: AdaptSim
 
@@ -68,7 +68,7 @@ class BestOfFirst:
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """The rule of the particle, as it was before any trial."""
+        """The particle's rule, which was fixed before any trial."""
         return policy_of(self.before, self.before.simulators.solver, particle, (), executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
@@ -123,7 +123,7 @@ class LeastSquares:
         trials, space = _trials(history), self.solver.task.margin
 
         def residuals(points: Array) -> Array:
-            return _off(self.solver, trials, space.denormalise(points))
+            return _residuals(self.solver, trials, space.denormalise(points))
 
         even = space.normalise(cover(space, SCREENED, np.random.default_rng(0)))
         starts = even[np.argsort((residuals(even) ** 2).sum(axis=1), kind="stable")[:STARTS]]
@@ -185,7 +185,7 @@ class SimOpt:
         require_whole("simopt", trials)
         space = self.solver.task.parameters
         points = _drawn(mean, covariance, SIMULATED, rng)
-        off = _off(self.solver, trials, space.spread(points))
+        off = _residuals(self.solver, trials, space.spread(points))
         cost = ABSOLUTE * np.abs(off).sum(axis=1) + SQUARED * (off**2).sum(axis=1)
         weights = _bounded_weights(cost)
         middle = weights @ points
@@ -194,7 +194,8 @@ class SimOpt:
 
 
 def _bounded_weights(cost: Array) -> Array:
-    """(N,) weights of samples by their `cost` (N,), as low as the bound on the divergence allows: Peters et al. 2010.
+    """(N,) weights of samples by their `cost` (N,), which make it as low as the bound on the divergence allows (Peters
+    et al. 2010).
 
     The temperature minimises the dual function.
     """
@@ -218,7 +219,7 @@ def _trials(history: Sequence[Iteration]) -> list[Trial]:
     return [trial for iteration in history for tried in iteration for trial in tried.trials]
 
 
-def _off(solver: Solver, trials: Sequence[Trial], parameters: Array) -> Array:
+def _residuals(solver: Solver, trials: Sequence[Trial], parameters: Array) -> Array:
     """(N, p) -> (N, observed) simulated minus observed trajectories, the nuisance in the middle of its range."""
     n, task = len(parameters), solver.task
     parts = []

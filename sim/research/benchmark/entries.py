@@ -1,7 +1,7 @@
 """The entries of a benchmark beyond the methods that a session can have: baselines, ablations and fixed rules.
 
 An entry is the name of a method, a baseline, an ablation, a fixed rule or a limit. `NAME@omega` and `NAME@margin` are
-the same, told other ranges of the parameters (`sim.research.benchmark.knowledge`).
+the same entry, which is told other ranges of the parameters (`sim.research.benchmark.knowledge`).
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _require_one_context(task: Task) -> None:
 
 @cache
 def _with_best_mean(solver: Any) -> ConstantPolicy:
-    """The action with the best mean reward over the parameters, by a cross-entropy search around UDR's."""
+    """The action with the best mean reward over the parameters, found by a cross-entropy search around UDR's action."""
     task, rng = solver.task, np.random.default_rng(0)
     truths = cover(task.parameters, POINTS, rng)
     best = udr_policies(solver, 0)[0].actions(np.zeros((1, 0)))[0]
@@ -181,7 +181,7 @@ FIXED_RULES: Mapping[str, FixedRule] = {
 
 @cache
 def fixed_policies(name: str, checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
-    """The policies of a fixed rule: they are the same in every world, so they are made once in a process."""
+    """The policies of a fixed rule, which are the same in every world and so are made once in a process."""
     return FIXED_RULES[name](checkpoint, seed)
 
 
@@ -197,7 +197,7 @@ def make_entry(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
 
 
 def require_entry(name: str, checkpoint: Checkpoint) -> None:
-    """Raises CheckpointError unless the checkpoint has what the entry needs."""
+    """Raises CheckpointError if the checkpoint lacks something that the entry needs."""
     if name == UDR_MEAN:
         _require_one_context(checkpoint.solver.task)
     elif name in FIXED_RULES:

@@ -1,6 +1,6 @@
 """The ranges of the parameters that a method is told: Omega alone, or Omega with its margin.
 
-Drawn worlds take their parameters from both. A comparison is about methods only if all of them are told the same.
+Drawn worlds take their parameters from both. A comparison is about methods only if all of them have the same knowledge.
 """
 
 from __future__ import annotations

@@ -92,5 +92,5 @@ def run_jobs(
 
 
 def _failed(future: Future[BenchmarkRow]) -> bool:
-    """Sort key: failed ones come last, so that the results of the others are stored."""
+    """The key for sorting: failed jobs come last, so that the results of the others are stored."""
     return future.exception() is not None

@@ -73,7 +73,7 @@ class SealedSummary:
 
 
 def by_strata(rows: Sequence[BenchmarkRow]) -> SealedSummary | None:
-    """The summary; None if `adaptsim`, every fixed rule or every limit is missing. Every entry has every world."""
+    """The summary; None if `adaptsim`, every fixed rule or every limit is missing. All entries must have all worlds."""
     worlds = list(dict.fromkeys(row.target for row in rows))
     entries = list(dict.fromkeys(row.method for row in rows))
     rules = [entry for entry in entries if Entry.parse(entry).name in FIXED_RULES]

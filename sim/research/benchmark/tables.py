@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
-from sim.lab.world import World, rollouts_in
+from sim.lab.world import World, task_in
 from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
@@ -67,74 +67,65 @@ class WorldTable:
         return self.requests[rows], self.rollouts[rows]
 
 
-def build_table(
-    solver: Solver,
-    policies_of: str,
-    scene: str,
-    world: World,
-    folder: Path,
-    size: int,
-    executor: Executor,
-    progress: Progress,
-) -> WorldTable:
-    """Simulate the missing rows of the table in `folder`, and return the whole table.
+@dataclass(frozen=True, eq=False)
+class PlannedTable:
+    """The table of a world that is to be made, in a folder of its own."""
 
-    `policies_of` is the digest of the checkpoint of `solver`, `scene` the task's `scene_key`. Raises DatasetError if
-    the folder holds another table, RolloutError, ClusterUnavailable.
-    """
-    plan = _agreed_plan(solver, policies_of, scene, world, folder, size)
-    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
-    simulate_missing(_in_world(solver, world), shards, executor, progress)
-    table = _read(solver.task, folder, world, size)
-    write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
-    return table
+    solver: Solver
+    policies: str
+    """The digest of the checkpoint of `solver`, whose policies act in half of the rows."""
+    scene: str
+    """The task's `scene_key`."""
+    world: World
+    folder: Path
+    size: int
 
+    def build(self, executor: Executor, progress: Progress) -> WorldTable:
+        """Simulate the missing rows, and return the whole table.
 
-def build_table_share(
-    solver: Solver,
-    policies_of: str,
-    scene: str,
-    world: World,
-    folder: Path,
-    size: int,
-    share: Share,
-    before: int,
-    executor: Executor,
-    progress: Progress,
-) -> tuple[int, int]:
-    """Simulate the missing rows of one share of the table; several processes may do so at a time.
+        Raises DatasetError if the folder holds another table, RolloutError, ClusterUnavailable.
+        """
+        plan = self._agreed()
+        simulate_missing(task_in(self.world, self.solver.task), self._shards, executor, progress)
+        table = _read(self.solver.task, self.folder, self.world, self.size)
+        write_toml(self.folder / MANIFEST, {**plan, "digest": table.digest})
+        return table
 
-    `before`: how many shards other tables of the same work have. Returns how many shards are this share's, and how many
-    the table has. `build_table` joins the shares. Raises as it does.
-    """
-    _agreed_plan(solver, policies_of, scene, world, folder, size)
-    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
-    return simulate_share(_in_world(solver, world), shards, share, executor, progress, before), len(shards)
+    def build_share(self, share: Share, before: int, executor: Executor, progress: Progress) -> tuple[int, int]:
+        """Simulate the missing rows of one share of the table; several processes may do so at a time.
 
-
-def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, folder: Path, size: int) -> dict[str, Any]:
-    """The conditions of the table, stored in a new folder. Raises DatasetError if the folder holds another table."""
-    plan = {
-        "format": FORMAT,
-        "task": solver.task.name,
-        "world": world_digest(solver.task, world),
-        "scene": scene,
-        "size": size,
-        "policies": policies_of,
-    }
-    before = _manifest(folder)
-    if before is None:
-        write_toml(folder / MANIFEST, {**plan, "digest": ""})
-    elif different := [key for key in _MADE_OF if before.get(key) != plan[key]]:
-        raise DatasetError(
-            f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
+        `before`: how many shards other tables of the same work have. Returns how many shards are this share's, and how
+        many the table has. `build` joins the shares. Raises as it does.
+        """
+        self._agreed()
+        shards = self._shards
+        return simulate_share(task_in(self.world, self.solver.task), shards, share, executor, progress, before), len(
+            shards
         )
-    return plan
 
+    @property
+    def _shards(self) -> dict[Path, Requests]:
+        return split(table_requests(self.solver, self.world, self.size), SHARD, partial(_shard, self.folder))
 
-def _in_world(solver: Solver, world: World) -> Task:
-    """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
-    return replace(solver.task, simulate=rollouts_in(world, solver.task), simulate_many=None)
+    def _agreed(self) -> dict[str, Any]:
+        """The conditions, stored in a new folder. Raises DatasetError if the folder holds another table."""
+        plan = {
+            "format": FORMAT,
+            "task": self.solver.task.name,
+            "world": world_digest(self.solver.task, self.world),
+            "scene": self.scene,
+            "size": self.size,
+            "policies": self.policies,
+        }
+        before = _manifest(self.folder)
+        if before is None:
+            write_toml(self.folder / MANIFEST, {**plan, "digest": ""})
+        elif different := [key for key in _MADE_OF if before.get(key) != plan[key]]:
+            raise DatasetError(
+                f"{self.folder} holds a table with a different {', '.join(different)}: remove it and run the same "
+                "command again"
+            )
+        return plan
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:
@@ -201,7 +192,8 @@ def _read(task: Task, folder: Path, world: World, size: int) -> WorldTable:
         listed.append(requests)
         parts.append(results)
         context = requests.context[:, : len(task.physical_context)]
-        for column in (requests.action, context, results.observation, results.end_state, results.succeeded):
+        credit = [] if results.failure_reward is None else [results.failure_reward]
+        for column in (requests.action, context, results.observation, results.end_state, results.succeeded, *credit):
             total.update(np.ascontiguousarray(column).tobytes())
     return WorldTable(world.name, reduce(Requests.followed_by, listed), concatenate(parts), total.hexdigest()[:16])
 

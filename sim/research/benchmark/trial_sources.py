@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Trial, trials_of_rows
-from sim.lab.world import World, rollouts_in
+from sim.lab.world import World, rollout_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials
@@ -32,7 +32,7 @@ class TrialSource(Protocol):
 
     @property
     def executable(self) -> Executable | None:
-        """The test for executable actions; None: all are."""
+        """The test for executable actions; None if all are executable."""
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """Run trials; their observations have the camera's noise."""
@@ -76,12 +76,9 @@ class SimulatedTrials:
 
     def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
         where = np.tile(self.world.parameters, (len(contexts), 1))
-        requests, roll = (
-            trial_requests(self.solver.task, where, contexts, actions, rng),
-            rollouts_in(self.world, self.solver.task),
-        )
-        rows = zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
-        return [roll(*row) for row in rows]
+        requests = trial_requests(self.solver.task, where, contexts, actions, rng)
+        rows = zip(requests.context, requests.action, strict=True)
+        return [rollout_in(self.world, context, action, self.solver.task) for context, action in rows]
 
     def _scores(self, tracks: Sequence[ObjectTrack], contexts: Array) -> Array:
         return np.array([self.solver.task.score(track, c) for track, c in zip(tracks, contexts, strict=True)])
@@ -152,7 +149,7 @@ class TableTrials:
 
 @dataclass(frozen=True, eq=False)
 class FromRecordings:
-    """A `TrialSource` of recorded trials: each can be had once, and scores come from those that were held out."""
+    """A `TrialSource` of recorded trials. Each can be used once, and scores come from those that were held out."""
 
     shown: RecordedTrials
     held_out: RecordedTrials

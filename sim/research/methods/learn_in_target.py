@@ -89,7 +89,7 @@ class LearntPolicy:
     candidates: Array  # (ACTIONS, a) in units
     executable: Executable | None
     drawn_by: bytes | None  # part of the seed of the draws
-    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # worth of the candidates, by context
+    _worths: dict[bytes, Array] = field(default_factory=dict, repr=False)  # worth of the candidates, by context
 
     def __call__(self, context: Array) -> Array:
         """(c,) -> (a,). Raises NotExecutable if none of the best candidates keeps the limits."""
@@ -109,7 +109,7 @@ class LearntPolicy:
     def _worth(self, context: Array) -> Array:
         """(ACTIONS,) rounded: ties are in the order of the set, which fills the space evenly."""
         key = np.ascontiguousarray(context).tobytes()
-        if key not in self._known:
+        if key not in self._worths:
             mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))
             worth = mean
             if self.drawn_by is not None:
@@ -117,8 +117,8 @@ class LearntPolicy:
                 rng = np.random.default_rng(int.from_bytes(seed, "big"))
                 values, vectors = np.linalg.eigh(covariance)
                 worth = mean + vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(ACTIONS))
-            self._known[key] = worth.round(9)
-        return self._known[key]
+            self._worths[key] = worth.round(9)
+        return self._worths[key]
 
     def _posterior(self, points: Array) -> tuple[Array, Array]:
         """Mean (P,) and covariance (P, P) of the expected reward at (P, c + a): R. & W. 2006, eq. 2.25 and 2.26."""

@@ -61,7 +61,7 @@ class _Chain:
         return slope
 
 
-class _Parts:
+class _Chains:
     """The chains of a network, as views of one vector."""
 
     def __init__(self, flat: Weights, sizes: dict[str, tuple[int, ...]]) -> None:
@@ -110,9 +110,9 @@ class QNetwork:
         self._sizes = sizes
         count = sum((a + 1) * b for widths in sizes.values() for a, b in pairwise(widths))
         self.flat = np.zeros(count, dtype=np.float32) if flat is None else flat
-        self._parts = _Parts(self.flat, sizes)
+        self._parts = _Chains(self.flat, sizes)
         self._slopes = np.zeros_like(self.flat)
-        self._into = _Parts(self._slopes, sizes)
+        self._into = _Chains(self._slopes, sizes)
 
     def __call__(self, x: Weights) -> Weights:
         """(B, slots * inputs) -> (B, branches, 3) action values."""

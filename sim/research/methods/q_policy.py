@@ -58,12 +58,12 @@ def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
 
 
 def _end(task: Task) -> int:
-    """How many numbers at the end of an observation describe how a trial ended."""
+    """The number of values at the end of an observation that describe the end of a trial."""
     return task.adaptation.end_moments * len(task.observation.columns)
 
 
 def _goal(task: Task) -> int:
-    """How many numbers describe the goal of a trial: its context, or none in a task without a goal."""
+    """The number of values that describe the goal of a trial: those of its context, or 0 in a task without a goal."""
     return len(task.context) if task.goal_m else 0
 
 
@@ -184,7 +184,7 @@ class QPolicy:
     memory: MemoryName = "iteration"
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Means spread over Omega: random, but far from each other."""
+        """Random means in Omega that are far from each other."""
         return tuple(Particle(mean[None]) for mean in cover(self.task.parameters, n, rng))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:

@@ -1,4 +1,4 @@
-"""Search of E by real rewards alone: at random, by Bayesian optimisation, or with a prior that is learnt from Phase 1.
+"""Searches E by real rewards alone: at random, by Bayesian optimisation, or with a prior that is learnt from Phase 1.
 
 Trajectories and contexts are not used, so the difference to `adaptsim-belief` shows the value of trajectories.
 """
@@ -47,7 +47,7 @@ class RandomSearch:
         return self._farthest(np.zeros((0, len(self.task.parameters))), n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Particles far from all tried ones, whatever those earned."""
+        """Particles far from all tried ones, regardless of their rewards."""
         tried = np.array([entry.particle.mean for iteration in history for entry in iteration])
         return self._farthest(self.task.parameters.normalise(tried), len(history[-1]), rng)
 

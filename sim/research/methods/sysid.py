@@ -1,4 +1,4 @@
-"""System identification: the parameters that explain the trajectories, whatever reward they give (BayesSim, as in the
+"""System identification: finds the parameters that explain the trajectories, regardless of rewards (BayesSim, as in the
 paper).
 
 Each iteration simulates its own trials again, with the executed commands and with parameters drawn from the present
@@ -81,7 +81,7 @@ class SysId:
     solver: Solver
     ends_only: bool
     point: bool
-    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by history
+    _posteriors: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by history
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The prior: all of Omega, or its middle."""
@@ -102,9 +102,9 @@ class SysId:
             for trial in trials:
                 digest.update(trial.key)
             key = digest.digest()
-            if key not in self._known:
-                self._known[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))
-            believed = self._known[key]
+            if key not in self._posteriors:
+                self._posteriors[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))
+            believed = self._posteriors[key]
         return believed
 
     def _particles(self, unit: Array, n: int) -> tuple[Particle, ...]:
@@ -141,7 +141,7 @@ class SysId:
 
 
 def _within(drawn: Array) -> Array:
-    """The rows of `drawn` (n, p) inside the ranges; without any, all of them, moved to the nearest edge."""
+    """The rows of `drawn` (n, p) inside the ranges; if there are none, all rows, moved to the nearest edge."""
     drawn = drawn[np.isfinite(drawn).all(axis=1)]
     inside = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
     return inside if len(inside) else np.clip(drawn, 0.0, 1.0 - 1e-9)

@@ -71,7 +71,7 @@ class NafNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class NafSettings:
-    """How a NAF policy explores and learns."""
+    """The settings of a NAF policy's exploration and learning."""
 
     round: int = 50  # rollouts between two bouts of learning
     updates: int = 60  # gradient steps per bout
@@ -160,7 +160,8 @@ def naf_training(
     donor: NafPolicy | None = None,
     settings: NafSettings | None = None,
 ) -> Training:
-    """Train on `budget` rollouts for the distribution `samples` (m, p) in units, from the weights of `donor` if any.
+    """Train on `budget` rollouts for the distribution `samples` (m, p) in units, from the weights of `donor` if there
+    is one.
 
     The last rollouts only measure the error of the value. The same seed gives the same policy.
     """

@@ -112,6 +112,7 @@ class EmulatedRolls:
             end_state=np.where(succeeded[:, None], drawn.end_state, np.nan),
             succeeded=succeeded,
             outcome=np.full(len(requests), OUTCOMES.index(Outcome.SETTLED), dtype=np.int8),  # not used
+            failure_reward=drawn.failure_reward,
         )
 
 
@@ -159,7 +160,7 @@ def visit(simulator: Simulator, means: Array, targets: Array, rng: np.random.Gen
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """In each of E targets P particles adapt over H steps, an episode each, so each is visited H + 1 times."""
+    """In each of E targets, P particles adapt over H steps. Each of them is one episode, and is visited H + 1 times."""
 
     targets: Array  # (E, p) in units
     means: Array  # (E, P, H + 1, p) in units
@@ -213,7 +214,7 @@ class Running:
         """The episodes until now."""
 
         def grouped(rows: Sequence[Array]) -> Array:
-            """n times (E * P, ...) -> (E, P, n, ...)"""
+            """A sequence of n arrays (E * P, ...) -> (E, P, n, ...)"""
             return np.stack(rows, axis=1).reshape(*self._shape, len(rows), *np.shape(rows[0])[1:])
 
         moved = [np.asarray(d, dtype=np.float64) for d in self._directions]

@@ -44,7 +44,7 @@ class KnownPolicies:
     """`Policies` of a solver, each distribution's trained once: sessions come back to the same particles."""
 
     solver: Solver
-    _known: dict[bytes, tuple[SolvedPolicy, ...]] = field(default_factory=dict)
+    _solved: dict[bytes, tuple[SolvedPolicy, ...]] = field(default_factory=dict)
 
     @property
     def task(self) -> Task:
@@ -60,9 +60,9 @@ class KnownPolicies:
     ) -> tuple[SolvedPolicy, ...]:
         """See `Policies`; a session always draws alike (`policy_for`)."""
         key = samples.tobytes()
-        if key not in self._known:
-            self._known[key] = self.solver.policies(samples, rng, executable, settings)
-        return self._known[key]
+        if key not in self._solved:
+            self._solved[key] = self.solver.policies(samples, rng, executable, settings)
+        return self._solved[key]
 
 
 def final_policies(

@@ -53,7 +53,9 @@ def is_inside(task: Task, shipped: Task) -> bool:
 
 
 def rollouts_of(task: Task, shipped: Task, count: int | None = None) -> int:
-    """How many rollouts an object is learnt from: `count`, or a third of the usual ones; 0 if there is nothing to."""
+    """The number of rollouts for learning an object: `count`, or a third of the usual number; 0 if nothing is to be
+    learnt.
+    """
     if task.exact is not None or is_inside(task, shipped):
         return 0
     budget = PretrainBudget.small(task)
@@ -71,7 +73,7 @@ def make_ready(
     table_settings: RewardTableSettings | None = None,
     held_out: int = HELD_OUT,
 ) -> tuple[Path, HeldOutErrors | None]:
-    """Write the checkpoint of an object into `folder`; `rollouts` to learn from, if it is not inside.
+    """Write the checkpoint of an object into `folder`; an object that is not inside is learnt from `rollouts`.
 
     The error is None for a task that is solved exactly. Raises CheckpointError if the shipped checkpoint has no
     emulator for it, DatasetError.
@@ -113,7 +115,7 @@ def _learnt(
 
 
 def _accuracy(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOutErrors:
-    """The error by fresh rollouts."""
+    """The error, measured by fresh rollouts."""
     requests = draw_requests(emulator.task, count, np.random.default_rng(seed))
     true = run_many(emulator.task, requests, executor, _stage("held-out rollouts", progress))
     errors = held_out_errors(emulator, requests, true)

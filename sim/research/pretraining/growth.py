@@ -1,4 +1,4 @@
-"""A dataset that grows only while that helps.
+"""A dataset that grows only as long as this lowers the emulator's error.
 
 A slow simulator (`sim.rollouts.cost`) is drawn in batches. After each one a draft of the emulator is trained, and its
 error of the reward is measured on rollouts that it has not seen. Once another batch no longer lowers it, the dataset is
@@ -39,7 +39,7 @@ def enough_rollouts(
 ) -> int:
     """The size at which the dataset in `folder` stops lowering the emulator's error, at most `most`.
 
-    The sizes and errors are kept in `GROWN`, so that an interrupted run goes on.
+    The sizes and errors are kept in `GROWN`, so that an interrupted run can continue.
     """
     growth = read_toml(folder / GROWN) if (folder / GROWN).exists() else {}
     errors: dict[str, float] = dict(growth.get("errors", {}))

@@ -133,7 +133,7 @@ def learning_gate(
     kind: Targets = "paper",
     count: int = GATE_TARGETS,
 ) -> Gate:
-    """Whether an adaptation policy uses what it sees, in `count` unseen targets of the simulator of its training.
+    """Whether an adaptation policy uses its observations, in `count` unseen targets of the simulator of its training.
 
     It must earn more than staying where it starts, and more than its own mean drift, in which the observations play no
     part.

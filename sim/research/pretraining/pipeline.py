@@ -23,7 +23,6 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import CARD, save_checkpoint
-from sim.adaptation.checkpoint import GRID as GRID_TENSORS
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import AdaptSimBelief
 from sim.adaptation.reward_table import RewardTable, RewardTableSettings, restore_reward_table, tabulate_rewards
@@ -43,6 +42,7 @@ from sim.research.pretraining.dataset_share import (
 )
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
+from sim.research.pretraining.grid_stage import grid_rollouts, grid_tensors, trained
 from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
@@ -52,18 +52,14 @@ from sim.research.pretraining.meta_training import (
     learning_gate,
     train_adaptation,
 )
-from sim.research.pretraining.soundness import require_sound
 from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.cost import measured_cost
 from sim.rollouts.dataset import build_dataset
 from sim.rollouts.run import Roll, run_many
-from sim.rollouts.shards import CachedRollouts, simulate_missing
-from sim.rollouts.shards import split as into_shards
-from sim.solvers.candidates import ListedActionSolver
+from sim.rollouts.shards import CachedRollouts
+from sim.rollouts.soundness import require_sound
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import reward_error, split, train_emulator
-from sim.solvers.grid import grid_behind
-from sim.solvers.library import train_library, with_library
 from sim.storage.files import load_tensors, save_tensors, write_toml
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import digests_of, library_of
@@ -72,10 +68,7 @@ from sim.tasks.task import Solver, Task
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
-TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
-
-GRID_SHARD = 64
-"""Rollouts per file of a grid: all that an interruption costs."""
+WORTH = "worth of the result"
 
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """The file that replaces the first two stages with NAF."""
@@ -122,14 +115,15 @@ def pretrain(
     draws, progress = stage_seeds(seed), StageTimer(folder, progress)
     facts: dict[str, Any] = {"seed": seed}
     if task.training is not None:
-        library = train_library(task, folder / POLICIES, draws[0], executor, lambda i, n: progress(TRAINING, i, n))
+        task = trained(task, folder, draws[0], executor, progress)
+        library = library_of(task)
+        assert library is not None
         facts["policies"] = digests_of(library.members)
-        task = with_library(task, library)
         require_sound(task, np.random.default_rng(seed))
     further: dict[str, Array] = {}
     if task.exact:
         exact = task.exact(task)
-        further = _grid(folder, exact, executor, progress)
+        further = grid_tensors(folder, exact, executor, progress)
         progress(EXACT, 1, 1)
         means = _exact(task, exact, budget, executor, stages)
     elif solver == "naf":
@@ -153,27 +147,12 @@ def pretrain(
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
-        facts["simulations"] = means.simulated()
+        facts["simulations"] = means.simulated() + grid_rollouts(further)
         if library_of(task) is not None:
             shutil.copytree(folder / POLICIES, path / POLICIES, dirs_exist_ok=True)
         save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, table)
     progress(STAGES[5], 1, 1)
     return path
-
-
-def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgress) -> dict[str, Array]:
-    """Simulate the grid of a solver that has one, and give its tensors for the checkpoint."""
-    grid = grid_behind(solver)
-    if grid is None:
-        return {}
-    assert isinstance(solver, ListedActionSolver)
-    requests = grid.requests(solver.listed)
-    if len(requests):
-        progress(measured_cost(solver.task, 0).in_words(len(requests)), 1, 1)
-        shards = into_shards(requests, GRID_SHARD, lambda number: folder / "grid" / f"shard-{number:05d}.npz")
-        rollouts = simulate_missing(solver.task, shards, executor, lambda i, n: progress(GRID, i, n))
-        grid.take(solver.listed, rollouts)
-    return {f"{GRID_TENSORS}{name}": tensor for name, tensor in grid.tensors.items()}
 
 
 def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, stages: OptionalStages) -> _Means:

@@ -25,7 +25,7 @@ END = 0.02
 
 @dataclass(frozen=True)
 class Worth:
-    """What a session may expect of a checkpoint."""
+    """The gain that a session may expect from a checkpoint."""
 
     reward_error: float | None  # mean error of an expected reward on unseen rollouts; None: true rollouts answer
     hopeless_parameters: float  # share of Omega where no action is expected to earn half, averaged over contexts

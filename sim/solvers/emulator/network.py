@@ -21,7 +21,7 @@ from sim.errors import CheckpointError
 from sim.solvers.candidates import FromOutcomes, ScenarioPolicy, search
 from sim.solvers.threads import one_blas_thread
 from sim.storage.files import Tensors
-from sim.tasks.task import Executable, SolverSettings, Task
+from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
 from sim.types import Space
 
 ROWS = 512
@@ -75,6 +75,7 @@ class EmulatedTrials:
     observation: Array  # (N, size) normalised, without camera noise
     success: Array  # (N,) probability
     end_state: Array  # (N, k) if it succeeds
+    failure_reward: Array | None  # (N,) if it fails; None: in this task it earns nothing
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,15 @@ class Emulator(FromOutcomes):
         """The tensors to store; `Emulator(task, tensors)` restores the emulator."""
         return dict(self._tensors)
 
+    def _parts(self, raw: Array) -> tuple[Array, Array, Array | None]:
+        """Outputs (..., k [+ 1] + 1) after the observation -> success (...), end state (..., k), reward of a failure
+        (...).
+        """
+        success = self._probability(raw[..., -1])
+        if self.task.reward_of_failure is None:
+            return success, raw[..., :-1], None
+        return success, raw[..., :-2], np.clip(raw[..., -2], 0.0, 1.0)
+
     @property
     def members(self) -> int:
         """Number of networks in the ensemble."""
@@ -137,12 +147,8 @@ class Emulator(FromOutcomes):
         """(N, p), (N, c), (N, a), (N, n) in units -> predictions."""
         size = self.task.observation.size
         raw = self._forward(encode(self.task, parameters, context, action, nuisance), slice(None))
-        success = self._probability(raw[..., -1])
-        return EmulatedTrials(
-            observation=raw[..., :size].mean(axis=0),
-            success=success.mean(axis=0),
-            end_state=raw[..., size:-1].mean(axis=0),
-        )
+        mean = PredictedOutcomes(*self._parts(raw[..., size:])).mean_of_ensemble
+        return EmulatedTrials(raw[..., :size].mean(axis=0), mean.success, mean.end_state, mean.failure_reward)
 
     def policies(
         self,
@@ -161,13 +167,12 @@ class Emulator(FromOutcomes):
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Success probability (M, ...) and end state (M, ..., k); see `sim.tasks.task.Expectations`."""
+    ) -> PredictedOutcomes:
+        """Of every member: (M, ...); see `sim.tasks.task.Expectations`."""
         features = encode(self.task, parameters, self.task.simulated_in(context), action, nuisance)
         lead = features.shape[:-1]
         raw = self._forward(features.reshape(-1, features.shape[-1]), slice(self.task.observation.size, None))
-        raw = raw.reshape(self.members, *lead, raw.shape[-1])
-        return self._probability(raw[..., -1]), raw[..., :-1]
+        return PredictedOutcomes(*self._parts(raw.reshape(self.members, *lead, raw.shape[-1])))
 
     def draw(
         self, parameters: Array, context: Array, action: Array, nuisance: Array, rng: np.random.Generator
@@ -182,8 +187,8 @@ class Emulator(FromOutcomes):
         features = encode(self.task, parameters, context, action, nuisance)
         raw = self._forward(features, slice(None))[member, np.arange(n)]
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
-        succeeded = rng.random(n) < self._probability(raw[:, -1])
-        return EmulatedTrials(observation, succeeded.astype(np.float64), raw[:, size:-1])
+        success, end, failed = self._parts(raw[:, size:])
+        return EmulatedTrials(observation, (rng.random(n) < success).astype(np.float64), end, failed)
 
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)
@@ -222,8 +227,8 @@ def predictions(emulator: Emulator) -> list[float]:
         prediction = emulator.predict(parameters, context, action, nuisance)
     except (ValueError, IndexError, KeyError) as error:
         raise CheckpointError(f"the emulator's weights do not fit one another ({error}): pretrain again") from error
-    parts = (prediction.observation, prediction.success, prediction.end_state)
-    return [round(float(value), 7) for part in parts for value in np.ravel(part)]
+    parts = (prediction.observation, prediction.success, prediction.end_state, prediction.failure_reward)
+    return [round(float(value), 7) for part in parts if part is not None for value in np.ravel(part)]
 
 
 def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path) -> None:

@@ -150,19 +150,23 @@ def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Reques
 @dataclass(frozen=True, eq=False)
 class _Data:
     x: Tensor  # (N, f)
-    y: Tensor  # (N, size + k) standardised
-    mask: Tensor  # (N, size + k)
+    y: Tensor  # (N, outputs) standardised
+    mask: Tensor  # (N, outputs)
     success: Tensor  # (N,)
 
 
 def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
-    """Outputs (N, size + k), and the mask of known ones: no end state before a success, none after a failed solver."""
+    """Outputs (N, size + k), and the mask of known ones: an end state of a success only, nothing of a failed solver.
+
+    If a failure may earn, its reward is one more output, known of failures only.
+    """
     done = dataset.rollouts
-    size, k = task.observation.size, done.end_state.shape[1]
     solved = done.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    mask = np.repeat(solved[:, None], size + k, axis=1)
-    mask[:, size:] = done.succeeded[:, None]
-    return np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), mask
+    parts = [(done.observation, solved), (np.nan_to_num(done.end_state), done.succeeded)]
+    if done.failure_reward is not None:
+        parts.append((done.failure_reward[:, None], solved & ~done.succeeded))
+    masks = [np.repeat(known[:, None], values.shape[1], axis=1) for values, known in parts]
+    return np.concatenate([values for values, _ in parts], axis=1), np.concatenate(masks, axis=1)
 
 
 def _scaling(y: Array, mask: Array) -> tuple[Array, Array]:
@@ -246,13 +250,10 @@ def _inputs(requests: Requests) -> tuple[Array, Array, Array, Array]:
     return requests.parameters, requests.context, requests.action, requests.nuisance
 
 
-def _outcomes(emulator: Emulator, requests: Requests) -> tuple[Array, Array]:
-    return emulator.outcomes(requests.parameters, requests.action, requests.nuisance, requests.context)
-
-
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits that is most probable, given the held-out outcomes and a prior about 1."""
-    success, _ = _outcomes(emulator, dataset.requests[rows])
+    requests = dataset.requests[rows]
+    success = emulator.outcomes(requests.parameters, requests.action, requests.nuisance, requests.context).success
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
     logit = np.log(clipped / (1.0 - clipped))
     candidates = np.geomspace(0.1, 8.0, 81)

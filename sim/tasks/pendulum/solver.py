@@ -9,7 +9,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.tasks.pendulum.params import OBSERVATION
 from sim.tasks.pendulum.rollout import INPUTS, STATES, WORTHLESS, excess, observed_many, optimal, reward_of_success
-from sim.tasks.task import Executable, SolverSettings, Task
+from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +69,12 @@ class LqrSolver:
 
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
+    ) -> PredictedOutcomes:
         """Whether the loop is stable (1, ...), and the end state (1, ..., 1), 0 if unstable."""
         spent = _excess(parameters, action)
         stable = np.isfinite(spent)
-        return stable[None].astype(np.float64), np.where(stable, np.minimum(spent, WORTHLESS), 0.0)[None, ..., None]
+        end = np.where(stable, np.minimum(spent, WORTHLESS), 0.0)
+        return PredictedOutcomes(stable[None].astype(np.float64), end[None, ..., None])
 
     @property
     def residual_std(self) -> Array:

@@ -1,9 +1,9 @@
 """From an action to the motion of the pusher.
 
 The plate moves along a line through the bottle's start, turned by the action's yaw. It reaches the action's speed
-before it touches, pushes for `HOLD_S`, and slows down over `SLOW_S` while it rises, so that it releases the bottle.
-During the whole motion it pitches up about its lower edge, upright at the moment of touch. It stays clear of the table.
-For the tool frame T see mount.py.
+before it touches the bottle, and pushes for `HOLD_S`. Then it slows down over `SLOW_S` and rises, which releases the
+bottle. During the whole motion it pitches up about its lower edge, upright at the moment of touch. It stays clear of
+the table. For the tool frame T see mount.py.
 
 Figures from the paper (A4.1) and its public code: hold, slowing, pitch rate and rise. Ours: a ramp of 0.35 s instead
 of 0.2 s, the lean before the touch, and rounded corners everywhere, because an arm wants finite jerk

@@ -87,7 +87,7 @@ def readings(
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Course:
-    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; the rest does not enter."""
+    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; only this part enters."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     latest_s = float(motion.t_s[-1]) + SETTLE_S

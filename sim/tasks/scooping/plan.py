@@ -33,7 +33,7 @@ _PITCH_RATE_RAD_S = np.array([0.0, 0.0, -0.6, -0.6, 0.0, 0.0])  # the second one
 _HANN = 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, 2 * 90 + 1))
 _LIFT_WINDOW = _HANN / _HANN.sum()  # samples at 1 kHz
 _RELEASE_S = 0.05
-"""How long the edge may still touch after its command rises: the lag of the compliance, with reserve."""
+"""The time for which the edge may still touch after its command rises, because of the compliance, with reserve."""
 
 
 def plan(context: Array, action: Array) -> ToolMotion:

@@ -30,6 +30,17 @@ def test_a_flag_names_the_file_and_its_name_works_from_any_folder(folder, monkey
     assert settings.load({"world": "heavy"}).config.task == "mine", "a world decides its task"
 
 
+def test_without_a_world_the_first_of_the_task_is_taken(folder):
+    text = template("mine").replace('"wd": dict', '"zebra": dict')
+    Path("mine.py").write_text(text, encoding="utf-8")
+    assert resolve({"task": "mine.py"}).config.world == "zebra"
+    assert settings.load({"task": "mine"}).config.world == "zebra", "its name knows it too"
+    assert settings.load({"task": "mine", "world": "heavy"}).config.world == "heavy"
+    assert settings.load({"task": "mine", "world": "wd"}).config.world == "wd", (
+        "a world that somebody names is not replaced"
+    )
+
+
 def test_a_file_of_the_users_settings_is_relative_to_them(folder):
     (folder / "home").mkdir()
     (folder / "home/config.toml").write_text('task = "mine.py"\n', encoding="utf-8")

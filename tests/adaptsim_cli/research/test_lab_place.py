@@ -15,7 +15,7 @@ from adaptsim_cli.session.rig_target import RigTarget
 from hw.types import Array
 from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
-from sim.lab.world import load_world, rollouts_in
+from sim.lab.world import load_world, rollout_in
 from sim.research.benchmark.jobs import BenchmarkRow, Job
 from sim.research.benchmark.sessions import Conditions
 from sim.research.benchmark.trial_sources import TrialSource
@@ -39,7 +39,7 @@ def test_a_trial_in_the_lab_ends_near_that_of_a_rollout():
     with lab_place.in_lab(job()) as place:
         assert place.executable(context, action)
         seen = place.play(context[None], action[None], np.random.default_rng(0))
-    alone = rollouts_in(world)(world.parameters, context, action, world.nuisance)
+    alone = rollout_in(world, context, action)
     assert seen[0].end_state == pytest.approx(PUSHING.end_of(alone), abs=0.02)
     assert seen[0].reward == pytest.approx(PUSHING.score(alone, context), abs=0.1)
     assert seen[0].context == pytest.approx(context)

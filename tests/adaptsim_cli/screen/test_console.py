@@ -226,7 +226,7 @@ def test_an_interval_without_a_width_is_a_dash_with_the_reason():
     assert between(0.68, 0.96) == "0.68 to 0.96"
     assert between(-0.1, 0.2, "+.2f") == "−0.10 to +0.20"
     assert between(0.961, 0.964) == "–"
-    assert predicted_between(0.96, 0.96) == "–: all that may be true predict the same"
+    assert predicted_between(0.96, 0.96) == "–: all simulators that may be true predict the same"
 
 
 def test_signs_are_true_ones_and_a_zero_has_none() -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from adaptsim_cli.config import same_lab
+from adaptsim_cli.config import Config, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, SuspicionRecord
 from adaptsim_cli.session.advice import (
     HEADLINES,
     after_iteration,
+    answering_flags,
     best_in_words,
     gain_in_words,
     in_words,
@@ -174,8 +175,10 @@ def test_an_own_robot_is_continued_with_the_program_that_answered():
         iteration=1, trials=(), next_particles=(), best=best_of((), None), verdict=found(Kind.GO_ON), suspicion=HINT,
         timing_s={}, proposal_s=0.0,
     )  # fmt: skip
-    (command, _), (policy, _) = after_iteration(own, result, "python my robot.py")
-    assert command == "adaptsim run-iteration --session s --answer-with 'python my robot.py'"
+    (command, _), (policy, _) = after_iteration(
+        own, result, answering_flags(Config(answer_with="python my robot.py", answer_moves="nothing"))
+    )
+    assert command == "adaptsim run-iteration --session s --answer-with 'python my robot.py' --answer-moves nothing"
     assert policy == "adaptsim sessions policy s", "an own robot has no touch-off of ours"
 
 

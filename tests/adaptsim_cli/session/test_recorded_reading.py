@@ -103,7 +103,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ),
         ({"trials_csv": "trial,outcome\nrun0\n"}, "line 2: 1 cells instead of 2"),
         ({"trajectories_csv": "trial,t_s,q1\n"}, "has no column 'q2'"),
-        ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is no number"),
+        ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is not a number"),
         (
             {"trajectories_csv": HEAD + "".join(f"run{i},0,nan,0,0,0,0\n" for i in range(8))},
             "run0: state has values that are not finite",
@@ -113,7 +113,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap, lerobot, robomimic or sessions"),
         ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: field required"),
         ({"manifest": "task = "}, "is not valid TOML"),
-        ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is no session"),
+        ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is not a session"),
         ({"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1"]\n'}, "needs 2 columns, and has 1"),
         (
             {"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1","q2"]\ncolumns = {outcome = "end"}\n'},

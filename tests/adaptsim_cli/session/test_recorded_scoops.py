@@ -58,7 +58,7 @@ def test_recorded_scoops_carry_their_end_in_the_tool_and_are_scored_by_it(tmp_pa
             r"trial 0: it ended on_blade, and its reward needs.*give end_in_tool_x_m, end_in_tool_y_m, end_in_tool_z",
         ),
         ("nan,0.0,0.0", "", "trial 0: end_in_tool_x_m = nan is not finite"),
-        ("-0.04,,0.01", "", "trial 0: end_in_tool_y_m = '' is no number"),
+        ("-0.04,,0.01", "", "trial 0: end_in_tool_y_m = '' is not a number"),
         ("-0.04,0.005,0.01", "0.01", "trial 0: its recorded reward is 0.010, and the task scores it"),
     ],
 )

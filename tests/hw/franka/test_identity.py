@@ -175,5 +175,5 @@ def test_the_limits_of_a_narrowed_arm_keep_its_zeros() -> None:
 def test_an_arm_whose_description_fails_is_read_all_the_same(error: Exception) -> None:
     sdk = FakeSdk(k=False, of="fr3", fails={"load_model": error})
     with arm_of(sdk, "fr3") as arm:
-        assert "does not tell which model it is" in arm.notes[0]
+        assert "report does not show its model" in arm.notes[0]
         assert arm.state().fault is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from table_scenes import AREA, at, box, close_up, food, studio
 from perception.errors import ObjectNotFound
 from perception.overlay import overlay_piece
 from perception.piece import find_piece
+from perception.piece.alone import find_alone
 from perception.piece.detection import chromaticity, matte, without_halo
 from sim.lab.kinect import kinect_model
 from sim.types import Visual
@@ -83,6 +86,15 @@ def test_what_is_not_one_piece_in_its_area_is_refused_with_what_lies_where(
     scene = studio(*visuals)
     with pytest.raises(ObjectNotFound, match=said):
         find_piece(scene.still(at(*place_m)), scene.model, scene.X_BC, AREA)
+
+
+def test_a_second_piece_beside_the_area_is_refused_and_other_things_are_not() -> None:
+    second, piece_m = moved(FOOD, (0.72, 0.12, 0.01)), at(0.68, 0.0, 0.01)
+    scene = studio(FOOD, second)
+    with pytest.raises(ObjectNotFound, match=r"colour and size lies at \(0\.7[12]\d, \+0\.1[12]\d\) m too"):
+        find_alone(scene.still(piece_m), scene.model, scene.X_BC, AREA)
+    scene = studio(FOOD, replace(second, rgb=(0.1, 0.2, 0.6)))
+    assert find_alone(scene.still(piece_m), scene.model, scene.X_BC, AREA).confidence > 0.8
 
 
 @pytest.mark.long

@@ -15,7 +15,7 @@ from sim.errors import ExtraMissing, NoHardware, WorldError
 from sim.lab.physics import effects_in, in_physics, simulate_of
 from sim.lab.simulated import SimulatedLab, truth_of
 from sim.lab.touch import TouchLab
-from sim.lab.world import list_worlds, load_world, rollouts_in
+from sim.lab.world import list_worlds, load_world, rollout_in, task_in
 from sim.panda.tool import cell_as_shipped
 from sim.research.benchmark.tables import world_digest
 from sim.research.mujoco import scooping
@@ -72,19 +72,21 @@ def test_what_a_file_does_not_say_is_drakes_and_other_physics_and_tasks_are_refu
         load(tmp_path, text, pendulum)
 
 
-def test_rollouts_in_a_world_take_all_but_context_and_action_from_it() -> None:
+def test_a_rollout_in_a_world_takes_all_but_context_and_action_from_it() -> None:
     pendulum = get_task("pendulum")
     world, action, middle = load_world("ood-1", pendulum), pendulum.action.middle, pendulum.parameters.middle
-    found = rollouts_in(world)(middle, pendulum.reference_context, action, world.nuisance)
+    found = rollout_in(world, pendulum.reference_context, action)
     there = pendulum.simulate(world.parameters, pendulum.reference_context, action, world.nuisance, world.unmodelled)
     elsewhere = pendulum.simulate(middle, pendulum.reference_context, action, world.nuisance)
     assert np.array_equal(found.state, there.state)
+    asked = middle, pendulum.reference_context, action, world.nuisance
+    assert np.array_equal(task_in(world, pendulum).simulate(*asked).state, there.state)
     assert not np.array_equal(found.state, elsewhere.state)
 
 
 def test_its_rollouts_are_mujocos_and_travel_to_another_process() -> None:
     world = load_world("mujoco-wd", SCOOPING)
-    there = pickle.loads(pickle.dumps(rollouts_in(world)))  # noqa: S301 - what was pickled here
+    there = pickle.loads(pickle.dumps(task_in(world, SCOOPING).simulate))  # noqa: S301 - what was pickled here
     found = there(np.zeros(4), SCOOPING.reference_context, ACTION, np.zeros(1))
     asked = world.parameters, SCOOPING.reference_context, ACTION, world.nuisance
     assert np.array_equal(found.state, scooping.simulate(*asked).state)
@@ -118,9 +120,9 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.long
 def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
     code = (
-        "import sys; from sim.lab.world import rollouts_in; from sim.lab.world import load_world; "
+        "import sys; from sim.lab.world import load_world, task_in; "
         "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.research.pretraining.pipeline; "
-        "rollouts_in(load_world('mujoco-wd', get_task('pushing'))); sys.exit('mujoco' in sys.modules)"
+        "task_in(load_world('mujoco-wd', get_task('pushing')), get_task('pushing')); sys.exit('mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,10 @@ WRONG = [
     ({"reward": lambda end: "much"}, r"reward returns 'much': it must be a number from 0 to 1"),
     ({"reward": lambda end: float("nan")}, r"reward returns nan for the end"),
     ({"measure": lambda times, states: 3}, r"measure returns 3: it must return named numbers"),
+    (
+        {"state": {"T": (0.0, 2.0)}, "measure": lambda times, states: {"end": states.T}},
+        r"state\['T'\]: `states.T` means something else for an array, so measure cannot read it",
+    ),
     ({"measure": lambda times, states: {"end": states.z}}, r"the states have no 'z': there is x"),
     ({"outcomes": ["in", "out"]}, r"outcomes = \['in', 'out'\]: it must map words to conditions"),
     ({"relocate": lambda o, c: o}, r"relocate: the function takes no context"),
@@ -87,17 +93,53 @@ def test_a_right_declaration_is_accepted():
     assert declare().name == "slide"
 
 
+def with_force(p, force): ...
+def without_p(action): ...
+def with_policy(p, policy): ...
+def by_keyword(p, *, action): ...
+
+
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (lambda p, force: ([0.0], [0.0]), r"takes \(p, force\): it must take \(p, action\)"),
-        (lambda action: ([0.0], [0.0]), r"takes \(action\): it must take \(p, action\)"),
-        (lambda p, policy: ([0.0], [0.0]), "takes a policy, and the argument `train` is missing"),
+        (with_force, r"takes \(p, force\): it must take \(p, action\)"),
+        (without_p, r"takes \(action\): it must take \(p, action\)"),
+        (with_policy, "takes a policy, and the argument `train` is missing"),
+        (by_keyword, r"by_keyword takes action by keyword alone: leave out the \* before it"),
+        (
+            lambda p, action: ([0.0], [0.0]),
+            r"stands above <function <lambda> at .*: it must stand above a function with",
+        ),
     ],
 )
 def test_a_function_with_other_arguments_is_refused(function, words):
     with pytest.raises(adaptsim.TaskError, match=words):
         declare(function)
+
+
+def test_wrong_names_of_arguments_are_said_with_the_right_ones():
+    with pytest.raises(
+        adaptsim.TaskError, match=r"rewards = 1: there is no such argument of adaptsim.task; did you me"
+    ):
+        declare(rewards=1)
+    with pytest.raises(
+        adaptsim.TaskError, match=r"adaptsim.task has no state and no reward: a task needs parameters, "
+    ):
+        adaptsim.task(parameters={}, duration=1.0)
+    with pytest.raises(adaptsim.TaskError, match=r"each argument needs its name, as parameters="):
+        adaptsim.task({"mu": (0.1, 0.3)})
+
+
+def test_a_function_may_be_wrapped_by_decorators():
+    @functools.lru_cache
+    def slide(p, action):
+        return [0.0, 1.0], [0.0, p["mu"] * action["push"]]
+
+    task = declare(slide)
+    assert task.name == "slide"
+    assert task.file.path == __file__
+    track = task.simulate(np.array([0.2]), np.array([0.7]), np.array([0.4]), np.zeros(0))
+    assert track.state[-1, 0] == pytest.approx(0.08), "values are read as attributes, or by a name in brackets"
 
 
 def test_the_decorator_stands_above_a_function():

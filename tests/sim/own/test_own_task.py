@@ -11,7 +11,7 @@ import pytest
 
 from perception.types import Outcome
 from sim.errors import TaskError, WorldError
-from sim.lab.world import list_worlds, load_world, rollouts_in, tasks_of_world
+from sim.lab.world import list_worlds, load_world, rollout_in, task_in, tasks_of_world
 from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Requests, run_many
 from sim.rollouts.soundness import examine
@@ -117,7 +117,7 @@ def test_a_fresh_process_finds_task_and_world_again(name, request):
     task = request.getfixturevalue(name)
     assert pickle.loads(pickle.dumps(task)) is task  # noqa: S301 - our own
     asked, world = requests(task), load_world(list_worlds(task)[0], task)
-    in_world = replace(task, simulate=rollouts_in(world))
+    in_world = task_in(world, task)
     with process_pool(1) as pool:
         for one in (task, in_world):
             there = run_many(one, asked, pool)
@@ -129,7 +129,7 @@ def test_effects_of_a_world_change_its_rollouts(shuffle):
     world = load_world("ood", shuffle)
     action = shuffle.action.middle
     level = shuffle.simulate(world.parameters, shuffle.reference_context, action, NOBODY)
-    tilted = rollouts_in(world)(world.parameters, shuffle.reference_context, action, NOBODY)
+    tilted = rollout_in(world, shuffle.reference_context, action)
     assert tilted.state[-1, 1] > level.state[-1, 1]
 
 
@@ -157,6 +157,42 @@ def test_a_function_that_returns_something_else_is_named_with_its_line(settle, r
 
 def settle_inputs(task: Task) -> tuple[np.ndarray, ...]:
     return task.parameters.middle, task.context.middle, task.action.middle, task.nuisance.middle
+
+
+TRAINED = """
+import os
+import adaptsim
+import numpy as np
+
+os.chdir("/")
+
+
+def train(samples, seed):
+    assert samples[0].ground in ("ice", "wood"), samples[0].ground
+    return np.array([samples[0].grip])
+
+
+@adaptsim.task(
+    parameters={"k": (0.2, 0.7), "ground": ["ice", "wood"]},
+    state={"x": (0, 1)},
+    duration=1,
+    reward=lambda end: 1 - abs(end.x - 0.3),
+    train=train,
+)
+def lift(p, policy):
+    return [0, 1], [0, p.k * policy[0]]
+"""
+
+
+def test_a_training_that_fails_names_its_line_and_gets_categories_by_their_words(home, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("lift.py").write_text(TRAINED)
+    task = task_of_file("lift.py")
+    assert Path.cwd() == tmp_path, "the file's own change of folder does not last"
+    line = 1 + TRAINED.splitlines().index("    return np.array([samples[0].grip])")
+    words = rf"lift.py, line {line}: `train` of the task lift fails .*ground = (ice|wood): .*no quantity 'grip'"
+    with pytest.raises(TaskError, match=words):
+        next(finding for finding in examine(task, np.random.default_rng(0)) if "policy" in finding.check)
 
 
 @pytest.mark.long

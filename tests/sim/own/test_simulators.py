@@ -53,7 +53,7 @@ def test_a_scene_that_is_missing_or_broken_is_said(mujoco, tmp_path):
     with pytest.raises(adaptsim.TaskError, match=r"there is no file .*nowhere.xml: a relative path is relative"):
         adaptsim.mjcf("nowhere.xml", {})
     (tmp_path / "broken.xml").write_text("<mujoco><worldbody>")
-    with pytest.raises(adaptsim.TaskError, match=r"broken.xml is no scene of MuJoCo"):
+    with pytest.raises(adaptsim.TaskError, match=r"broken.xml is not a scene of MuJoCo"):
         adaptsim.mjcf(str(tmp_path / "broken.xml"), {})
 
 
@@ -86,7 +86,7 @@ def test_an_environment_has_its_parameters_by_path():
     [
         ("Pendulum-v1", {"m": "mas"}, lambda obs: [0.0], r"Pendulum-v1: m = 'mas': there is no attribute 'mas'; there"),
         ("Pendulum-v1", {"m": "state.m"}, lambda obs: [0.0], "m = 'state.m'"),
-        ("NoSuch-v0", {}, lambda obs: [0.0], "'NoSuch-v0' is no environment that can be made"),
+        ("NoSuch-v0", {}, lambda obs: [0.0], "'NoSuch-v0' is not an environment that can be made"),
         ("Pendulum-v1", {}, lambda obs: [0.0, 0.0], r"an action of shape \(2,\); Pendulum-v1 takes \(1,\)"),
         ("Pendulum-v1", {"k": "m"}, lambda obs: [0.0], "p has no 'k': there is m"),
     ],
@@ -149,7 +149,14 @@ ONCE = f"""import json, os, sys
 line = sys.stdin.read()
 {ROLL}
 print("a line of a log")
-print(json.dumps({{"t_s": t, "state": {{"x": [0.0, x], "pid": [os.getpid()] * 2}}}}))
+print(json.dumps({{"t_s": t, "state": [[0.0, os.getpid()], [x, os.getpid()]]}}))
+"""
+LINGERS = f"""import json, os, sys, time
+line = sys.stdin.readline()
+{ROLL}
+print(json.dumps({{"t_s": t, "state": [[0.0, os.getpid()], [x, os.getpid()]]}}), flush=True)
+os.close(1)
+time.sleep(0.05)
 """
 
 
@@ -163,7 +170,10 @@ def simulator(tmp_path):
     return write
 
 
-@pytest.mark.parametrize(("text", "stays", "keep"), [(STAYS, True, None), (ONCE, False, False), (STAYS, False, False)])
+@pytest.mark.parametrize(
+    ("text", "stays", "keep"),
+    [(STAYS, True, None), (ONCE, False, False), (STAYS, False, False), (LINGERS, False, None)],
+)
 def test_a_program_answers_and_is_kept_if_it_stays(simulator, text, stays, keep):
     ask = simulator(text, keep=keep)
     answers = [ask(p(mu=0.5), action=Values("action", {"push": push})) for push in (1.0, 2.0)]
@@ -186,6 +196,14 @@ def test_a_program_answers_and_is_kept_if_it_stays(simulator, text, stays, keep)
 def test_a_program_that_fails_says_so(simulator, text, words):
     with pytest.raises(adaptsim.TaskError, match=words):
         simulator(text, keep=False, limit_s=1.0)(p(mu=0.5))
+
+
+def test_a_program_may_name_its_columns_in_any_order(simulator):
+    ask = simulator('print(\'{"t_s": [0, 1], "state": {"v": [2, 3], "x": [0, 1]}}\')', keep=False)
+    _, states = ask(p(mu=0.5))
+    assert states["x"].tolist() == [0.0, 1.0], "the task takes them by name"
+    with pytest.raises(adaptsim.TaskError, match=r"answers state that are not numbers of one shape"):
+        simulator('print(\'{"t_s": [0, 1], "state": [[0], [1, 2]]}\')', keep=False)(p(mu=0.5))
 
 
 def test_a_program_that_is_missing_is_said():

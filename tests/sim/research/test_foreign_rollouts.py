@@ -14,7 +14,7 @@ from pydrake.planning import RobotDiagramBuilder
 from perception.types import Outcome
 from sim.lab.drawn import draw_world
 from sim.lab.physics import effects_in
-from sim.lab.world import load_world, rollouts_in
+from sim.lab.world import load_world, rollout_in
 from sim.research.mujoco import pushing, scooping, stepping
 from sim.research.mujoco.contact import add_pair, set_softness
 from sim.research.mujoco.pushing import bounce, damping_ratio
@@ -88,8 +88,8 @@ def test_the_tool_goes_where_the_motion_says() -> None:
 @pytest.mark.parametrize("world", ["mujoco-ood-1", "mujoco-ood-4"])
 def test_a_rollout_repeats_itself_and_can_be_scored(name: str, world: str) -> None:
     task = get_task(name)
-    there, target = rollouts_in(load_world(world, task)), load_world(world, task)
-    one, two = (there(target.parameters, task.reference_context, ACTIONS[name], target.nuisance) for _ in range(2))
+    target = load_world(world, task)
+    one, two = (rollout_in(target, task.reference_context, ACTIONS[name]) for _ in range(2))
     assert np.array_equal(one.state, two.state)
     assert one.outcome is two.outcome is not Outcome.SOLVER_FAILED
     assert 0.0 <= task.score(one, task.reference_context) <= 1.0
@@ -99,7 +99,7 @@ def test_a_rollout_repeats_itself_and_can_be_scored(name: str, world: str) -> No
 def test_a_plain_push_and_a_plain_scoop_end_near_drakes(name: str) -> None:
     task, world = get_task(name), load_world("mujoco-wd", get_task(name))
     asked = world.parameters, task.reference_context, ACTIONS[name], world.nuisance
-    drake, foreign = task.simulate(*asked), rollouts_in(world)(*asked)
+    drake, foreign = task.simulate(*asked), rollout_in(world, task.reference_context, ACTIONS[name])
     assert drake.outcome is foreign.outcome
     assert task.succeeded(foreign)
     apart_m = np.linalg.norm(task.end_state(drake) - task.end_state(foreign))

@@ -183,7 +183,7 @@ def test_the_denser_part_is_shared_once_the_first_part_is_whole(tmp_path):
 
 @pytest.mark.parametrize(("number", "count"), [(0, 2), (3, 2), (1, 0)])
 def test_a_share_is_one_of_its_number(number, count):
-    with pytest.raises(ValueError, match="is no share"):
+    with pytest.raises(ValueError, match="is not a share"):
         Share(number, count)
 
 

@@ -48,16 +48,20 @@ def test_disagreement_grows_outside_of_the_data():
     parameters, context, action, nuisance = draws(300)
     far = parameters.copy()
     far[:, [0, 3]] += 1.5 * (TOY.margin.high - TOY.margin.low)[[0, 3]]
-    inside, outside = (emulator.outcomes(p, action, nuisance, context)[1].std(axis=0).mean() for p in (parameters, far))
+    inside, outside = (
+        emulator.outcomes(p, action, nuisance, context).end_state.std(0).mean() for p in (parameters, far)
+    )
     assert outside > 3.0 * inside
 
 
 def test_outcomes_broadcast_and_agree_with_predict():
     emulator, _ = trained()
     parameters, context, action, nuisance = draws(6)
-    success, end_state = emulator.outcomes(parameters, action[:3, None, :], nuisance, context)
+    predicted = emulator.outcomes(parameters, action[:3, None, :], nuisance, context)
+    success, end_state = predicted.success, predicted.end_state
     assert success.shape == (5, 3, 6)
     assert end_state.shape == (5, 3, 6, 1)
+    assert predicted.failure_reward is None
     single = emulator.predict(parameters[4:5], context[4:5], action[2:3], nuisance[4:5])
     assert success[:, 2, 4].mean() == pytest.approx(single.success[0], abs=1e-5)
     assert end_state[:, 2, 4].mean() == pytest.approx(single.end_state[0, 0], abs=1e-5)
@@ -82,7 +86,7 @@ def test_predictions_are_those_of_the_network_that_was_trained():
     tensors = {name: torch.from_numpy(t) for name, t in emulator.tensors.items()}
     x = torch.from_numpy(encode(TOY, parameters, context, action, nuisance)).expand(emulator.members, -1, -1)
     raw = forward(tensors, int(tensors["depth"]), x) * tensors["y_std"] + tensors["y_mean"]
-    _, end_state = emulator.outcomes(parameters, action, nuisance, context)
+    end_state = emulator.outcomes(parameters, action, nuisance, context).end_state
     assert end_state == pytest.approx(raw[..., TOY.observation.size : -1].numpy(), abs=1e-5)
 
 

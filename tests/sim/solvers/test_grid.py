@@ -61,7 +61,8 @@ def test_a_pair_of_parameters_and_action_is_simulated_once_and_answers_for_the_n
     CALLS.clear()
     points = solver.behind.points  # type: ignore[attr-defined]
     near = np.array([[1.5], [1.5001], [1.9]])
-    success, end = solver.outcomes(near, np.array([[0.4]]), nothing, TASK.reference_context)
+    predicted = solver.outcomes(near, np.array([[0.4]]), nothing, TASK.reference_context)
+    success, end = predicted.success, predicted.end_state
     closest = points[np.abs(points[:, 0][None] - near).argmin(axis=1), 0]
     assert end[0, :, 0] == pytest.approx(0.4 / closest)
     assert success.tolist() == [[1.0, 1.0, 1.0]]

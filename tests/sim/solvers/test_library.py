@@ -20,9 +20,12 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.adaptsim import create
 from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.errors import CheckpointError, TaskError
-from sim.lab.world import Faults, Sensing, World, rollouts_in
+from sim.lab.world import Faults, Sensing, World, rollout_in
+from sim.research.pretraining import pipeline
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
+from sim.research.pretraining.grid_stage import grid_tensors, simulate_grid_share, trained
 from sim.research.pretraining.pipeline import pretrain
+from sim.rollouts.shares import Share
 from sim.solvers.library import train_library, with_library
 from sim.solvers.solver import policy_for
 from sim.tasks.library import library_of, main_file
@@ -163,7 +166,8 @@ def test_a_library_fills_omega_and_is_trained_once(tmp_path):
     assert copy.deepcopy(library).members[2].name == "policy-002"
 
 
-def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_nothing(tmp_path):
+def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "require_sound", lambda task, rng: None)  # its rollouts are as many as time allows
     with ThreadPoolExecutor(2) as crew:
         none = OptionalStages(policies=False, evaluation=False)
         budget = PretrainBudget.small(TASK)
@@ -172,9 +176,10 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
         first = len(ROLLED)
         ROLLED.clear()
         assert pretrain(TASK, tmp_path, budget, 0, crew, lambda *at: None, stages=none) == path
-        assert first - len(ROLLED) == 5 * 256, "the second run checks the task, and simulates no grid again"
+        assert first - len(ROLLED) == 5 * 256, "the second run simulates no grid again"
     ROLLED.clear()
     checkpoint = load_checkpoint(TASK, str(path))
+    assert checkpoint.card.simulations == 5 * 256
     method, solver = create(checkpoint.solver.task, checkpoint), checkpoint.solver
     library = library_of(solver.task)
     assert library is not None
@@ -186,7 +191,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
     method.start(2, np.random.default_rng(0))
     assert not ROLLED
     world = World("here", "gains", "", np.array([1.2]), np.zeros(0), Unmodelled(0.1), Sensing(), Faults())
-    track = rollouts_in(world, solver.task)(np.zeros(1), np.zeros(0), library.places[0], np.zeros(0))
+    track = rollout_in(world, np.zeros(0), library.places[0], solver.task)
     gain = library.policy(TASK, library.members[0])
     assert track.state[-1, 0] == pytest.approx(gain / 1.2 + 0.1)
     (path / "policies" / "policy-001" / "policy.npz").write_bytes(b"something else")
@@ -207,3 +212,25 @@ def test_a_task_with_library_replaces_its_own_library(tmp_path):
 def test_contradictions_are_refused(wrong):
     with pytest.raises(ValueError, match=r"policies|limit|functions"):
         TrainedPolicies(train, **wrong)
+
+
+@pytest.mark.long
+def test_shares_train_the_library_and_then_simulate_its_grid(tmp_path):
+    def share(number: int) -> bool | None:
+        with ThreadPoolExecutor(2) as crew:
+            return simulate_grid_share(TASK, tmp_path, 0, Share(number, 2), crew, lambda *at: None)
+
+    assert share(1) is False, "the second share has trained nothing yet"
+    assert sorted(path.name for path in (tmp_path / "policies").iterdir()) == ["everywhere", "policy-002", "policy-004"]
+    assert share(2) is True
+    assert share(1) is True
+    files = sorted((tmp_path / "grid").iterdir())
+    before = len(ROLLED)
+    with ThreadPoolExecutor(2) as crew:
+        task = trained(TASK, tmp_path, 0, crew, lambda *at: None)
+        tensors = grid_tensors(tmp_path, task.exact(task), crew, lambda *at: None)
+        costed = len(ROLLED)
+        assert grid_tensors(tmp_path, task.exact(task), crew, lambda *at: None).keys() == tensors.keys()
+    assert costed - before == len(ROLLED) - costed < 10, "only the cost is measured: every rollout was shared"
+    assert sorted((tmp_path / "grid").iterdir()) == files
+    assert np.array_equal(tensors["grid.success"], np.ones((5, 256)))

@@ -23,7 +23,7 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.tables import build_table
+from sim.research.benchmark.tables import PlannedTable
 from sim.research.benchmark.trial_sources import TableTrials
 from sim.rollouts import Dataset, build_dataset, serial_executor
 from sim.rollouts.dataset import dataset_requests
@@ -97,7 +97,7 @@ def test_the_emulator_predicts_in_the_context_of_the_trial():
     true = np.array([TASK.observation(simulate(*row, np.zeros(0))) for row in zip(mu, CONTEXTS, speed, strict=True)])
     paths = emulator().trajectories(mu, speed, np.zeros((4, 0)), CONTEXTS)
     assert np.abs(paths - true).max() < 0.03
-    assert np.abs(emulator().outcomes(mu, speed, np.zeros((4, 0)), CONTEXTS)[1].mean(axis=0) - 1.0).max() < 0.06
+    assert np.abs(emulator().outcomes(mu, speed, np.zeros((4, 0)), CONTEXTS).end_state.mean(axis=0) - 1.0).max() < 0.06
     limit = emulator().misfit_limit
     own, other = (misfit(emulator(), c, speed[0], true[0]) for c in (CONTEXTS[0], CONTEXTS[3]))
     assert own < limit < other
@@ -137,8 +137,8 @@ def test_a_discrepancy_varies_over_actions_and_contexts():
         """The mean discrepancy in where the ball stops."""
         drawn = simulators.disturbances
         executed = action[:, None, None] + drawn.error
-        expected = emulator().outcomes(posterior.parameters[None, :, None], executed, drawn.nuisance, context)[1]
-        return float((posterior.outcomes(action, context).end_state - expected.mean(axis=0)).mean())
+        expected = emulator().outcomes(posterior.parameters[None, :, None], executed, drawn.nuisance, context).end_state
+        return float((posterior.outcomes(action, context).predicted.end_state - expected.mean(axis=0)).mean())
 
     near, far = added_m(CONTEXTS[0]), added_m(CONTEXTS[3])
     assert near > 0.05
@@ -151,10 +151,12 @@ def _in(world: World, parameters: Array, context: Array, action: Array, nuisance
 
 
 def test_a_world_table_answers_with_the_nearest_action_and_context(monkeypatch, tmp_path):
-    monkeypatch.setattr(tables, "rollouts_in", lambda world, task: partial(_in, world))  # the task is not registered
+    rolling_in = lambda world, task: replace(task, simulate=partial(_in, world), simulate_many=None)  # noqa: E731
+    monkeypatch.setattr(tables, "task_in", rolling_in)  # the task is not registered
     world = World("here", "rolling", "", np.array([1.2]), np.zeros(0), Unmodelled(), Sensing(), Faults())
     with serial_executor() as executor:
-        table = build_table(emulator(), "none", "scene", world, tmp_path, 256, executor, lambda done, total: None)
+        planned = PlannedTable(emulator(), "none", "scene", world, tmp_path, 256)
+        table = planned.build(executor, lambda done, total: None)
     assert np.ptp(table.requests.context) > 0.55
     place, rng = TableTrials(TASK, table), np.random.default_rng(0)
     best = place.best_actions(CONTEXTS)

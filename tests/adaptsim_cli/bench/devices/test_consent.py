@@ -273,7 +273,7 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, mon
     for part, name in (("tool", "tool or table"), ("calibration", "calibration"), ("rig", "rig file")):
         again = quiet()
         assert not moved(asked(1.0, again, replace(NEW, **{part: "another"})), "", own=True)
-        assert f"Since scooping last moved slowly the {name} changed" in said(again)
+        assert f"The {name} changed after scooping last moved slowly" in said(again)
     other = quiet()
     assert not moved(asked(1.0, other, replace(NEW, kind="pushing")), "", own=True)
     assert "With this rig file, tool and calibration pushing has not moved" in said(other)

@@ -26,9 +26,8 @@ from hw.grasping import FakeHand
 from hw.ports import Hand
 from hw.types import ArmState, Array
 from hw.workcell import arm_model
-from sim.lab.setting_down import true_X_FT
 from sim.lab.simulated import READY_RAD
-from sim.lab.touch import TouchLab
+from sim.lab.touch import TouchLab, true_X_FT
 from sim.lab.world import World
 from sim.panda.setting_down import TABLE
 

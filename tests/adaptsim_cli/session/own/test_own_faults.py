@@ -67,6 +67,14 @@ FAULTS: dict[str, tuple[str, str]] = {
         printing(answer(rest_s=0.0, state=[[0.6 + 0.02 * i, 0.0, 0.0] for i in range(12)])),
         "rest_s = 0, and after it the object moved by",
     ),
+    "rest in milliseconds": (
+        printing(answer(rest_s=1100.0)),
+        r"rest_s = 1100, and the last state is at 1\.1 s: is rest_s in seconds",
+    ),
+    "a key twice": (
+        f"print({json.dumps(answer())[:-1] + ', ' + json.dumps(answer(t_s=LONG[::-1]))[1:]!r})",
+        "it has [a-z_]+ twice: leave one",
+    ),
     "context unasked": (printing(answer(context={"x": 0.7})), "context was not asked for"),
     "no reason": (printing({"trial": 1, "rejected": " "}), "without a reason"),
     "two reasons": (printing({"trial": 1, "rejected": "a", "impossible": "b"}), "both rejected and impossible"),

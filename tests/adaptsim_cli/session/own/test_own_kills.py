@@ -135,7 +135,7 @@ def test_after_the_time_limit_nothing_is_killed_and_the_answer_is_taken_later(pl
     wait = f"import os, time\nwhile not os.path.exists({str(place / 'go')!r}): time.sleep(0.01)\n"
     (place / "robot.py").write_text(wait + (place / "robot.py").read_text())
     impatient = programs.Program(slow, False, 0.05, None)
-    with pytest.raises(AnswerRefused, match=r"not answered within 0.05 s .* it goes on, nothing stops it"):
+    with pytest.raises(AnswerRefused, match=r"not answered within 0.05 s .* it continues, and nothing stops it"):
         run(place.parent / "home", impatient)
     (place / "go").touch()
     assert len(trials_of(run(place.parent / "home", program(slow)))) == 4

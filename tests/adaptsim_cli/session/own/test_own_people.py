@@ -52,7 +52,7 @@ def test_a_person_types_where_it_came_to_rest_and_a_bad_value_is_named_at_its_qu
     assert one.track.state == ((0.7, 0.0, 0.02),)
     assert one.track.t_s == (0.9,)
     told = shown.getvalue()
-    assert "0,7 is no number; write it with a point" in told
+    assert "0,7 is not a number; write it with a point" in told
     assert "fell is none of them" in told
     assert "You make this trial with your robot; adaptsim checks none of its motion" in told
 

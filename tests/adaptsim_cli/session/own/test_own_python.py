@@ -14,7 +14,7 @@ from documents import FENCE, ROOT
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import AnswerRefused, UsageError
-from sim.lab.world import load_world, rollouts_in
+from sim.lab.world import load_world, rollout_in
 from sim.tasks import get_task
 
 MU = 0.12
@@ -140,11 +140,10 @@ def test_a_robot_that_computes_the_simulated_labs_world_gives_the_simulated_labs
     lab.run_iteration()
     task = get_task("pushing")
     world = load_world(WORLD, task)
-    rollout = rollouts_in(world)
     own = api.begin("pushing", hw="own", name="own")
     for trial in own.asks():
         context, action = (np.array(list(part.values())) for part in (trial.context, trial.action or {}))
-        track = rollout(world.parameters, context, action, world.nuisance)
+        track = rollout_in(world, context, action)
         own.tell(trial, track.t_s, track.state, track.outcome.value, rest_s=float(track.t_s[-1]))
     assert [t.action for t in own.trials] == [t.action for t in lab.trials]
     assert [t.reward for t in own.trials] == [t.reward for t in lab.trials]

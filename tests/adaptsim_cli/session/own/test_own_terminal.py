@@ -83,8 +83,8 @@ def test_a_person_answers_a_whole_session_and_it_adapts(tmp_path: Path, monkeypa
     code, shown = played(person, *line)
     told = " ".join(shown.split())
     assert code == 0, shown[-2000:]
-    assert "0,71 is no number; write it with a point" in told
-    assert "far away is no number" in told
+    assert "0,71 is not a number; write it with a point" in told
+    assert "far away is not a number" in told
     assert "Is this your table? At the end of the first trial: x 0." in told
     assert told.count("adaptsim checks none of its motion") >= 4
     session = api.open_session("ruler")

@@ -11,7 +11,7 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.errors import DatasetError
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.tables import MANIFEST, build_table, build_table_share, load_table, table_requests
+from sim.research.benchmark.tables import MANIFEST, PlannedTable, load_table, table_requests
 from sim.research.benchmark.trial_sources import TableTrials
 from sim.rollouts import serial_executor
 from sim.rollouts.shares import Share
@@ -23,17 +23,16 @@ SIZE = 160
 
 @pytest.fixture(autouse=True)
 def _toy(monkeypatch):
-    """The toy is no registered task, so rollouts in its worlds are asked for here."""
-    monkeypatch.setattr(tables, "rollouts_in", _InWorld)
+    """The toy is no registered task, so its rollouts in a world are made here."""
 
+    def task_in(world, task):
+        def count(parameters, context, action, nuisance, unmodelled=None):
+            counted.append(action)
+            return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
 
-class _InWorld:
-    def __init__(self, world, task):
-        self.world = world
+        return replace(task, simulate=count, simulate_many=None)
 
-    def __call__(self, parameters, context, action, nuisance, unmodelled=None):
-        counted.append(action)
-        return simulate(self.world.parameters, context, action, self.world.nuisance, self.world.unmodelled)
+    monkeypatch.setattr(tables, "task_in", task_in)
 
 
 counted: list[Any] = []
@@ -47,9 +46,8 @@ def build(folder, world=WORLD, size=SIZE, policies="abc", scene="scene"):
     counted.clear()
     told = []
     with serial_executor() as executor:
-        table = build_table(
-            solver(), policies, scene, world, folder, size, executor, lambda done, total: told.append((done, total))
-        )
+        planned = PlannedTable(solver(), policies, scene, world, folder, size)
+        table = planned.build(executor, lambda done, total: told.append((done, total)))
     return table, told
 
 
@@ -151,18 +149,8 @@ def test_shares_are_joined_to_the_same_table(tmp_path):
     for number, rows in ((2, 64), (1, 96)):
         counted.clear()
         with serial_executor() as executor:
-            files = build_table_share(
-                solver(),
-                "abc",
-                "scene",
-                WORLD,
-                tmp_path / "shared",
-                SIZE,
-                Share(number, 2),
-                0,
-                executor,
-                lambda *_: None,
-            )
+            planned = PlannedTable(solver(), "abc", "scene", WORLD, tmp_path / "shared", SIZE)
+            files = planned.build_share(Share(number, 2), 0, executor, lambda *_: None)
         assert (files, len(counted)) == ((3 - number, 3), rows)
     with pytest.raises(DatasetError, match="there is no finished table"):
         load_table(TOY, WORLD, "scene", tmp_path / "shared")

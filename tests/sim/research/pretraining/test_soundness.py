@@ -11,7 +11,7 @@ from moving_task import TASK as ROLLING
 from toy_task import TOY
 
 from sim.errors import RolloutError
-from sim.research.pretraining.soundness import require_sound
+from sim.rollouts.soundness import require_sound
 from sim.tasks.pendulum import TASK
 
 RNG = np.random.default_rng

@@ -133,7 +133,7 @@ def test_a_damaged_file_of_tosses_is_refused(toss, tmp_path, monkeypatch, capsys
     np.savez(tmp_path / "short.npz", state=np.zeros((9, 13)), start=[0, 12], number=[0])
     np.savez(tmp_path / "narrow.npz", state=np.zeros((9, 12)), start=[0, 9], number=[0])
     (tmp_path / "text.npz").write_text("no file of tosses")
-    for name, reason in {"short": "start must give", "narrow": "(T, 13)", "text": "is no file of tosses"}.items():
+    for name, reason in {"short": "start must give", "narrow": "(T, 13)", "text": "is not a file of tosses"}.items():
         monkeypatch.setattr(sys, "argv", ["toss", str(tmp_path / f"{name}.npz"), "--out", str(tmp_path / "out")])
         with pytest.raises(SystemExit):
             experiment.main()
@@ -181,8 +181,44 @@ def test_a_damaged_run_is_refused(swing, tmp_path):
         ({"time": t_s[::-1], **good}, "times must not decrease"),
         ({"time": t_s, **good, "tau_meas2": np.full(len(t_s), np.nan)}, "must be finite"),
         ({"time": t_s[:-5], **good}, "equally long"),
-        (good, "is no run"),
+        (good, "is not a run"),
     ):
         np.savez(tmp_path / "run.npz", **run)
         with pytest.raises(ValueError, match=reason):
             experiment.read_windows(tmp_path)
+
+
+@pytest.mark.long
+def test_public_tosses_become_the_file_of_the_experiment(toss, tmp_path):
+    torch, convert = importlib.import_module("torch"), importlib.import_module("toss.convert")
+    written = {int(name) for name in read_recorded(toss, FEW).names}
+    assert len(set(convert.NUMBERS)) == 285 and written <= set(convert.NUMBERS) <= set(range(550))
+    rng = np.random.default_rng(0)
+    runs = {number: rng.standard_normal((4 + number, 13)) for number in (2, 5)}
+    for run in runs.values():
+        run[:, :4] /= np.linalg.norm(run[:, :4], axis=1, keepdims=True)
+    for number, run in runs.items():
+        torch.save(torch.tensor(run), tmp_path / f"{number}.pt")
+    digest = convert.convert(tmp_path, tmp_path / "tosses.npz", (2, 5))
+    tosses = importlib.import_module("toss.data").read_tosses(tmp_path / "tosses.npz")
+    assert tosses.trials.names == ("2", "5") and [len(one) for one in tosses.rotations] == [6, 9]
+    assert tosses.trials.actions[1, 9:] == pytest.approx(runs[5][0, 10:], abs=1e-6)
+    assert len(digest) == len(convert.STATE_SHA256) and digest != convert.STATE_SHA256
+    with pytest.raises(ValueError, match=r"7\.pt is missing"):
+        convert.convert(tmp_path, tmp_path / "other.npz", (7,))
+
+
+def test_public_runs_of_the_pendulum_become_the_files_of_the_experiment(swing, tmp_path):
+    convert = importlib.import_module("swing.convert")
+    with pytest.raises(ValueError, match="has no runs"):
+        convert.convert(tmp_path, tmp_path / "runs")
+    names = "time,pos_meas1,pos_meas2,tau_meas1,tau_meas2"
+    for k in range(5):
+        run = tmp_path / convert.RUNS / f"20230629/20230629-1433{k}0"
+        run.mkdir(parents=True)
+        rows = [",".join(f"{value:.18e}" for value in (0.01 * i, k, 0.1, 0.2, 0.3)) for i in range(3)]
+        (run / "trajectory.csv").write_text("\n".join([names, *rows]) + "\n")
+    first, second = convert.convert(tmp_path, tmp_path / "runs")
+    assert first.name == "design_C.1__sys_id__20230629__20230629-143310__trajectory.npz"
+    with np.load(second, allow_pickle=False) as file:
+        assert list(file["pos_meas1"]) == [3.0, 3.0, 3.0] and file["time"][2] == pytest.approx(0.02)

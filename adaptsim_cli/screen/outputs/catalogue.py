@@ -266,7 +266,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
         "The shipped checkpoints and the user's own.", checkpoints=(list[learning.CheckpointRow], "one each")
     ),
     "checkpoints verify": printed(
-        "A checkpoint against its card.",
+        "A checkpoint compared with its card.",
         task=TASK,
         folder=FOLDER,
         sha256=(str, "hash of its weights"),
@@ -274,7 +274,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
         figures=(list[learning.Figure], "one each"),
     ),
     "checkpoints parameters": printed(
-        "Which parameters sessions can identify.",
+        "The parameters that sessions can identify.",
         folder=(str, "of the checkpoint"),
         task=TASK,
         sessions=(int, "simulated targets"),
@@ -326,7 +326,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     ),
     "task new": printed("The file of a new task.", file=(str, "its path")),
     "task check": printed(
-        "What a task keeps. It is printed also if something is broken; the exit code is then 2.",
+        "The rules that a task keeps. It is printed also if something is broken; the exit code is then 2.",
         task=(str, "its name"),
         file=(str | None, optional("the file that declares it; null: a package")),
         sound=(bool, "whether nothing is broken"),

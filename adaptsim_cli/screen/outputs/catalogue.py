@@ -326,7 +326,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     ),
     "task new": printed("The file of a new task.", file=(str, "its path")),
     "task check": printed(
-        "What a task keeps. It is printed also if something is broken; the exit code is then 2.",
+        "The rules that a task keeps. It is printed also if something is broken; the exit code is then 2.",
         task=(str, "its name"),
         file=(str | None, optional("the file that declares it; null: a package")),
         sound=(bool, "whether nothing is broken"),

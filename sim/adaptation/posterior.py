@@ -150,7 +150,7 @@ def _posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration], l
     is_grid, prior = grid_behind(likelihood.expectations) is not None, likelihood.prior
     if trials and is_exact(likelihood.expectations):
         fit = exact_fit(likelihood.expectations, trials, truths, prior)
-        return Posterior(space, fit.parameters, fit.weights)
+        return _resolved(space, fit.parameters, fit.weights)
     if not trials or is_grid or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
         return Posterior(space, truths, _tempered(log, groups))
 
@@ -159,9 +159,13 @@ def _posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration], l
         return np.asarray(np.sum([likelihood.of(trial, parameters) for trial in trials], axis=0))
 
     finer = refined(log_likelihoods, unit_points(space, truths), log, prior, DRAWN, GENERATIONS)
-    samples = space.spread(np.clip(finer.points, 0.0, 1.0))
+    return _resolved(space, space.spread(np.clip(finer.points, 0.0, 1.0)), finer.weights)
+
+
+def _resolved(space: Space, samples: Array, weights: Array) -> Posterior:
+    """The posterior of weighted samples, tempered if too few of them carry the weight."""
     with np.errstate(divide="ignore"):
-        return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))
+        return Posterior(space, samples, _tempered(np.log(weights), np.arange(len(samples))))
 
 
 def predicted(expectations: ExpectedTrajectories, parameters: Array, context: Array, action: Array) -> Array:

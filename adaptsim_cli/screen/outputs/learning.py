@@ -96,7 +96,7 @@ class HeldOut(Record):
 
 
 class CheckedFinding(Record):
-    """One thing that a task keeps, or does not."""
+    """One rule that a task keeps or breaks."""
 
     check: str = described("what every task keeps")
     mark: str = described("kept, doubtful or broken")

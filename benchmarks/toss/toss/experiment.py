@@ -224,7 +224,7 @@ def _judged(method: AdaptSim, split: Split, history: tuple[Iteration, ...]) -> d
     verdict = verdict_of(TASK, history, Misfits(split.session.solver), best, forecast)
     weights = method.outcome_posterior(history).weights
     truth = np.stack([TASK.end_state(track) for track in split.scores.trials.tracks])
-    _, ends = split.scores.outcomes
+    ends = split.scores.outcomes.end_state
     off_m = np.linalg.norm(ends[..., :2] - truth[:, None, :2], axis=-1)
     shows = face_on_top(ends[..., 2:]) == face_on_top(truth[:, 2:])[:, None]
     row: dict[str, Any] = {"inexpressible": verdict.is_inexpressible, "strange": verdict.strange}

@@ -83,7 +83,7 @@ def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmode
 
 def _half_width_m(nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> float:
     """Distance of the piece's near side from its centre."""
-    return NUISANCE.named(nuisance).radius * (unmodelled or ScoopingUnmodelled()).semi_axis_scale[0]
+    return float(NUISANCE.named(nuisance).radius) * (unmodelled or ScoopingUnmodelled()).semi_axis_scale[0]
 
 
 def simulate(

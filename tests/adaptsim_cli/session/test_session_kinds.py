@@ -233,7 +233,7 @@ def test_every_command_about_a_session_prints_what_its_schema_says_or_refuses_in
 ) -> None:
     store = KINDS[kind](place.parent / "home", monkeypatch)
     name = store.folder.name
-    works = ADAPTED if store.facts.task == "pendulum" else NEVER_REFUSED
+    works: tuple[str, ...] = ADAPTED if store.facts.task == "pendulum" else NEVER_REFUSED
     if store.facts.recorded:  # no trial can be added to it
         works = tuple(command for command in works if command != "rollout")
     shutil.copytree(store.folder, store.folder.with_name("other"))

@@ -80,7 +80,7 @@ def test_a_camera_on_the_wrist_of_any_robot(wrist):
     [
         ({"position_m": [512.0, 100.0, 300.0], "quaternion_wxyz": [1, 0, 0, 0]}, "metres, not mm"),
         ({"position_m": [0.5, 0.1, 0.3], "quaternion_wxyz": [1, 1, 0, 0]}, "of length 1"),
-        ({"position_m": [0.5, 0.1, 0.3]}, "go together"),
+        ({"position_m": [0.5, 0.1, 0.3]}, "needed together"),
         ({"q_rad": [0, -45, 0, -135, 0, 90, 45]}, "not in degrees"),
         ({"q_rad": [0.0] * 7}, "joints of an unknown arm"),
         ({"X_BF": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}, "right-handed"),

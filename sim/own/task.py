@@ -255,10 +255,10 @@ def _end(state: Space, measure: Any, path: str, duration: float) -> EndOfTrial:
         return EndOfTrial(state, None, path, state.names)
     if not callable(measure):
         raise TaskError(f"measure = {measure!r}: it must be a function of times and states")
-    if ambiguous := [name for name in state.names if hasattr(np.ndarray, name)]:
+    if names := [name for name in state.names if hasattr(np.ndarray, name)]:
         raise TaskError(
-            f"state[{ambiguous[0]!r}]: `states.{ambiguous[0]}` means something else for an array, so measure "
-            "cannot read it; choose another name"
+            f"state[{names[0]!r}]: `states.{names[0]}` means something else for an array, so measure cannot read it; "
+            "choose another name"
         )
     times_s = np.linspace(0.0, duration, _EXAMPLE)
     example = np.tile(state.middle, (_EXAMPLE, 1))

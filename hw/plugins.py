@@ -122,8 +122,8 @@ class Registry(Generic[Thing]):
         if not isinstance(thing, str):
             return thing
         module, _, attribute = thing.partition(":")
-        found: Thing = getattr(import_module(module), attribute or self.attribute)
-        return found
+        loaded: Thing = getattr(import_module(module), attribute or self.attribute)
+        return loaded
 
     def offer(self, name: str) -> Offer | None:
         """The first package's offer of that name; None if no package offers it, or if the name is ours."""

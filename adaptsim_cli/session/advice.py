@@ -90,7 +90,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 def _worth(verdict: Verdict) -> str:
     """The expected gain of another iteration, for a method with a forecast."""
     if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
-        return "; no trial has confirmed it yet, and the next iteration tries it"
+        return "; the next iteration tries the policy that the trials have chosen"
     if verdict.kind is Kind.ENOUGH:
         return f"; after two iterations another one rarely gains more than {WORTHWHILE:.2f}"
     return ""

@@ -255,9 +255,9 @@ def _end(state: Space, measure: Any, path: str, duration: float) -> EndOfTrial:
         return EndOfTrial(state, None, path, state.names)
     if not callable(measure):
         raise TaskError(f"measure = {measure!r}: it must be a function of times and states")
-    if taken := [name for name in state.names if hasattr(np.ndarray, name)]:
+    if names := [name for name in state.names if hasattr(np.ndarray, name)]:
         raise TaskError(
-            f"state[{taken[0]!r}]: `states.{taken[0]}` means something else for an array, so measure cannot read it; "
+            f"state[{names[0]!r}]: `states.{names[0]}` means something else for an array, so measure cannot read it; "
             "choose another name"
         )
     times_s = np.linspace(0.0, duration, _EXAMPLE)

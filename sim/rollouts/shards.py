@@ -75,8 +75,8 @@ def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
         return None
     try:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            given = [name for name in _OPTIONAL_FIELDS if name in file]
-            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS, *given)}
+            optional = [name for name in _OPTIONAL_FIELDS if name in file]
+            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS, *optional)}
             digest = file["digest"].tobytes().hex()
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

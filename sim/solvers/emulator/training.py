@@ -165,7 +165,7 @@ def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
     parts = [(done.observation, solved), (np.nan_to_num(done.end_state), done.succeeded)]
     if done.failure_reward is not None:
         parts.append((done.failure_reward[:, None], solved & ~done.succeeded))
-    masks = [np.repeat(known[:, None], values.shape[1], axis=1) for values, known in parts]
+    masks = [np.repeat(rows[:, None], values.shape[1], axis=1) for values, rows in parts]
     return np.concatenate([values for values, _ in parts], axis=1), np.concatenate(masks, axis=1)
 
 

@@ -73,7 +73,7 @@ def nearest(text: str, messages: Sequence[ErrorMessage], count: int) -> Sequence
     """The templates that fit a message best, at most `count`, the best first; none if nothing is alike."""
     words = _words(text)
     scores = [(_likeness(words, _words(one.template)), one) for one in messages]
-    scores.sort(key=lambda entry: -entry[0])
+    scores.sort(key=lambda entry: (-entry[0], entry[1].template != text))
     return [one for score, one in scores[:count] if score >= max(LEAST_LIKENESS, 0.9 * scores[0][0])]
 
 

@@ -40,6 +40,11 @@ class SideDistance:
     separation_m: float
 
     @property
+    def is_near(self) -> bool:
+        """Whether a person at the edge of the side is nearer to the arm than the separation distance."""
+        return self.nearest_m < self.separation_m
+
+    @property
     def line_m(self) -> float:
         """Where a person must stay, from the base's axis: the separation distance behind the side's edge."""
         return self.from_m + self.separation_m

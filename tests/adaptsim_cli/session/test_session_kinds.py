@@ -183,6 +183,7 @@ def test_a_damaged_question_is_named_and_any_answer_is_not(place, monkeypatch) -
 LINES = {
     "sessions show": ("NAME",),
     "sessions verify": ("NAME",),
+    "sessions migrate": ("NAME",),
     "sessions mark": ("NAME", "--note", "before lunch"),
     "sessions list": (),
     "sessions index": (),

@@ -78,5 +78,5 @@ def test_a_belief_that_misses_the_truth_says_why():
     beyond = STIFF.model_copy(update={"believed": (2e4, 1e5, 4e5)})
     said = truth_view.misses_in_words(shown(0.4, parameters=[beyond, within], unmodelled=["density_scale", "edge"]))
     assert said.startswith("The belief misses stiffness and shape. The true stiffness lies beyond the range")
-    assert "repeats the observed motions" in said
+    assert "reproduces the observed motions" in said
     assert said.endswith("This world also differs in density scale and edge, which no parameter expresses.")

@@ -32,7 +32,7 @@ FAULTS: dict[str, tuple[str, str]] = {
     "blank": ("print()", "it is empty"),
     "no JSON": ("print('done')", "neither all of it nor its last line is JSON: 'done'"),
     "half": (f"print({json.dumps(answer())[:60]!r})", "neither all of it nor its last line is JSON"),
-    "binary": ("import sys; sys.stdout.buffer.write(bytes(range(128, 256)))", r"no text in UTF-8 \(byte 0\)"),
+    "binary": ("import sys; sys.stdout.buffer.write(bytes(range(128, 256)))", r"not text in UTF-8 \(byte 0\)"),
     "too much": ("print('x' * 17_000_000)", "printed 16 MB, limit 16"),
     "a list": ("print([1, 2])", "a JSON list, and must be one object"),
     "deep": ("print('[' * 100_000)", "neither all of it nor its last line is JSON"),

@@ -156,7 +156,7 @@ def test_a_session_shows_its_progress_its_learning_curve_and_its_posterior_in_un
     drawn = session.posterior().draw(5, seed=1)
     assert np.array_equal(drawn, session.posterior().draw(5, seed=1))
     assert not np.array_equal(drawn, session.posterior().draw(5, seed=2))
-    with pytest.raises(UsageError, match=r"nothing films the pendulum. Its curves are in session.trials\[0\].track"):
+    with pytest.raises(UsageError, match="no camera of adaptsim filmed its trials; adaptsim report mine shows"):
         session.recording(1)
     (tmp := session.folder / "session.toml").unlink()
     assert "Session('mine': " in repr(session), "a broken session is still shown"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from campaigns import campaign
 
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
@@ -54,8 +55,7 @@ def check_verdicts(judged: Sequence[Verdict], said: str, threshold: float) -> No
     assert all(verdict.reward < threshold for verdict in below)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("number", range(40))
+@pytest.mark.parametrize("number", campaign(range(40), 4))
 def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pytest.CaptureFixture[str]) -> None:
     iterations, method = 1 + number % 3, METHODS[number % len(METHODS)]
     world = ["wd", "ood-1", "ood-2", "ood-3", "ood-4"][number % 5] if number < 10 else "wd"

@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from campaigns import campaign
 from own_robot import NAME, PLACED, PUSHED, program, robot, run, runs
 
 from adaptsim_cli.errors import AnswerRefused
@@ -60,8 +61,7 @@ def whole(request, tmp_path_factory) -> tuple[Task, list[tuple[object, ...]], li
     return request.param, numbers(done), runs(place)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("moment", campaign(MOMENTS, 3))
 def test_killed_at_a_writing_it_goes_on_with_every_trial_made_once(place: Path, whole, moment, monkeypatch) -> None:
     task, trials, asked = whole
     answering = program(robot(place))

@@ -22,7 +22,7 @@ def test_the_error_of_the_reward_is_that_of_the_emulator():
     assert reward_error(emulator, shuffled, true) > 2.0 * reward_error(emulator, requests, true)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_it_names_parameters_that_no_trial_tells_and_actions_at_their_ends():
     worth = measured_worth(trained()[0], reward_table(), 0.04, 0)
     assert worth.hopeless_parameters < 0.2

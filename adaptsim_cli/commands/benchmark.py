@@ -20,8 +20,13 @@ def benchmark(
     screen: Screen,
     resolved: Resolved,
     targets: Annotated[
-        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn, named and sealed.")
-    ] = "wd,ood-1,ood-2,ood-3,ood-4",
+        str,
+        typer.Option(
+            "--targets",
+            help="Worlds: names, files, or the sets develop, drawn, named and sealed.",
+            show_default="wd, ood-1 to ood-4; all of its worlds for a task without these",
+        ),
+    ] = "",
     methods: Annotated[
         str, typer.Option("--methods", help="Names of methods and baselines, or all; NAME@omega, NAME@margin.")
     ] = "all",

@@ -145,7 +145,7 @@ def request_of(
     from sim.research.benchmark.jobs import CONTROLS
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.strata import SEALED_ENTRIES
-    from sim.research.benchmark.worlds import targets_of
+    from sim.research.benchmark.worlds import targets_of, usual_targets
     from sim.tasks import get_task
 
     config = resolved.config
@@ -173,7 +173,8 @@ def request_of(
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
         trials = compared(read_recorded(task, Path(config.recorded)), loaded[0][1].solver)
     else:
-        worlds = targets_of(task, comma_separated(targets)) if seal is None else seal.worlds(task)
+        listed = comma_separated(targets) or usual_targets(task)
+        worlds = targets_of(task, listed) if seal is None else seal.worlds(task)
         if in_lab:
             _require_lab(task, worlds)
     rest = tuple(left_out.items())

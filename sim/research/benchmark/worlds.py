@@ -16,12 +16,14 @@ from dataclasses import dataclass
 from sim.errors import UnknownName
 from sim.lab.drawn import drawn_world
 from sim.lab.foods import food_world
-from sim.lab.world import World, load_world, shipped_worlds
+from sim.lab.world import World, list_worlds, load_world, shipped_worlds
 from sim.tasks.task import Task
 
 DRAWN = 40
 DEVELOP_SEED, REPORT_SEED, FOODS_SEED = 0, 2, 5
 DEVELOP, REPORT, NAMED, FOODS, MUJOCO = "develop", "drawn", "named", "foods", "mujoco"
+TABLE_A2 = ("wd", "ood-1", "ood-2", "ood-3", "ood-4")
+"""The targets of the paper, for each of its tasks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,12 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
     if not targets:
         raise UnknownName(f"no target was given: give names of worlds, or {', '.join(SETS)}")
     return tuple(targets.values())
+
+
+def usual_targets(task: Task) -> tuple[str, ...]:
+    """The names of the paper's targets; of all worlds for a task that has no such targets."""
+    names = list_worlds(task)
+    return TABLE_A2 if set(TABLE_A2) <= set(names) else names
 
 
 def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:

@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from toy_task import TOY
 
 from sim.errors import UnknownName
 from sim.lab.drawn import effects_of
 from sim.lab.foods import step_s, volume_m3
 from sim.lab.world import list_worlds, load_world
-from sim.research.benchmark.worlds import DRAWN, targets_of
+from sim.research.benchmark.worlds import DRAWN, TABLE_A2, targets_of, usual_targets
 from sim.tasks import get_task
 from sim.tasks.scooping.params import BLUNT_STEP_S
 
@@ -79,6 +82,11 @@ def test_worlds_of_a_foreign_physics_are_a_set_of_their_own(asked: str):
     assert "mujoco-wd" in {t.name for t in found}
     assert {(t.set, t.world.physics) for t in found} == {("mujoco", "mujoco")}
     assert not {t.name for t in found} & {t.name for t in targets_of(PUSHING, ["named"])}
+
+
+def test_the_usual_targets_are_the_papers_and_all_worlds_of_another_task():
+    assert usual_targets(PUSHING) == usual_targets(SCOOPING) == TABLE_A2
+    assert usual_targets(replace(TOY, name="own", worlds={"slick": {}, "dry": {}})) == ("dry", "slick")
 
 
 def test_an_unknown_target_names_the_worlds_and_the_sets():

@@ -27,7 +27,7 @@ def convert(checkout: Path, folder: Path) -> Sequence[Path]:
         columns = np.loadtxt(run, delimiter=",", skiprows=1, dtype=np.float32, ndmin=2).T
         day, time = run.parts[-3:-1]
         written.append(folder / f"design_C.1__sys_id__{day}__{time}__trajectory.npz")
-        np.savez_compressed(written[-1], allow_pickle=True, **dict(zip(names, columns, strict=True)))
+        np.savez_compressed(written[-1], allow_pickle=False, **dict(zip(names, columns, strict=True)))
     return written
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.lab.world import rollout_in
+from sim.lab.rollout import rollout_in
 from sim.research.benchmark.sessions import udr_policies
 from sim.research.benchmark.worlds import targets_of
 from sim.rollouts.draws import Disturbances, cover

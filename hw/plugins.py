@@ -79,10 +79,6 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
-def _fits(name: str, thing: Any) -> str:
-    return ""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registry(Generic[Thing]):
     """Everything of one kind by name: ours, and those of installed packages. A package is imported on first use."""
@@ -92,7 +88,7 @@ class Registry(Generic[Thing]):
     attribute: str  # of that module, which holds the thing
     ours: Mapping[str, Thing | str]  # each itself, or as an entry point names it: module, or module:attribute
     error: type[Exception]  # raised for an unknown name, and for a package that is not right
-    complaint: Callable[[str, Any], str] = _fits
+    complaint: Callable[[str, Any], str] = lambda name, thing: ""
     """About the thing that a package offers by that name; "" if it is right."""
 
     def names(self) -> tuple[str, ...]:

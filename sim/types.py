@@ -264,3 +264,18 @@ class Part:
     held_m: float | None = None  # width between the fingers; None: they do not hold it
     mass: Mass | None = None  # that the scene knows, in the same frame
     flat: bool = False  # an outline to cut along instead of a solid
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedOutcomes:
+    """Predicted outcomes of trials, as an expected reward needs them."""
+
+    success: Array  # (...) chance
+    end_state: Array  # (..., k) of a success
+    failure_reward: Array | None = None  # (...) of a failure; None: in this task it earns nothing
+
+    @property
+    def mean_of_ensemble(self) -> PredictedOutcomes:
+        """The mean of predictions (M, ...) over the M members of an ensemble."""
+        failed = None if self.failure_reward is None else self.failure_reward.mean(axis=0)
+        return PredictedOutcomes(self.success.mean(axis=0), self.end_state.mean(axis=0), failed)

@@ -278,7 +278,8 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
         )
     if config.pace < FULL:
         raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
-    from sim.lab.world import load_world, rollout_in
+    from sim.lab.rollout import rollout_in
+    from sim.lab.world import load_world
 
     world = load_world(config.world, task)
     duration_s = float(task.observation.times_s[-1])

@@ -121,7 +121,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     world.
     """
     from sim.adaptation.methods.udr import DRAWS, udr_policies
-    from sim.lab.world import task_in
+    from sim.lab.rollout import task_in
     from sim.rollouts.draws import cover
     from sim.rollouts.executors import process_pool, serial_executor
     from sim.rollouts.run import Requests, concatenate, run_many

@@ -33,7 +33,8 @@ from sim.adaptation.method import Trial
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
-from sim.tasks.task import Executable, PredictedOutcomes, Task
+from sim.tasks.task import Executable, Task
+from sim.types import PredictedOutcomes
 
 WIDER = 2.0
 """The interval of a predicted reward is so much wider than that of the draws, which held too few rewards of developed

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
-from functools import cache, partial
+from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
@@ -22,12 +22,10 @@ from hw.collision import Table
 from hw.plugins import did_you_mean
 from hw.records import HandWritten
 from hw.types import Array, frozen_array
-from perception.types import ObjectTrack
-from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownName, WorldError
-from sim.lab.physics import Physics, require_possible, simulate_of
+from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError
+from sim.lab.physics import Physics, require_possible
 from sim.panda.tool import ToolCorrection
 from sim.tasks import declared_worlds, files_of, task_names
-from sim.tasks.library import library_of
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -365,41 +363,3 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
         if early:
             raise WorldError(f"{source}: {field.name!r} in [faults] names trial {early[0]}; trials are numbered from 1")
     return faults
-
-
-def rollout_in(world: World, context: Array, action: Array, task: Task | None = None) -> ObjectTrack:
-    """A rollout at a context (c,) by an action (a,): parameters, nuisance and effects are the world's.
-
-    `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
-    physics is not installed, RolloutError if the task's code fails.
-    """
-    simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
-    try:
-        return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
-    except SimError:
-        raise
-    except Exception as error:  # a task of another package may raise anything
-        raise RolloutError(
-            f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
-            f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
-        ) from error
-
-
-def task_in(world: World, task: Task) -> Task:
-    """The task whose rollouts are those of the world, one by one: stacks would know nothing of its effects."""
-    knows_policies = library_of(task) is not None
-    simulate = partial(_simulate_in, world, task if knows_policies else None)
-    return replace(task, simulate=simulate, simulate_many=None)
-
-
-def _simulate_in(
-    world: World,
-    task: Task | None,
-    parameters: Array,
-    context: Array,
-    action: Array,
-    nuisance: Array,
-    unmodelled: Any = None,
-) -> ObjectTrack:
-    """A `Simulate` that can be sent to another process; only context and action count."""
-    return rollout_in(world, context, action, task)

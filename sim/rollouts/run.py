@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import ClusterUnavailable, RolloutError, SimError, TaskError
-from sim.tasks.task import PredictedOutcomes, SimulateMany, Task
+from sim.tasks.task import SimulateMany, Task
+from sim.types import PredictedOutcomes
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
 """`Rollouts.outcome` holds indices into this tuple."""

@@ -15,15 +15,8 @@ from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.interior import prefer_interior
-from sim.tasks.task import (
-    Executable,
-    Expectations,
-    PredictedOutcomes,
-    SolvedPolicy,
-    Solver,
-    SolverSettings,
-    Task,
-)
+from sim.tasks.task import Executable, Expectations, SolvedPolicy, Solver, SolverSettings, Task
+from sim.types import PredictedOutcomes
 
 
 @dataclass(frozen=True, eq=False)

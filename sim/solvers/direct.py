@@ -18,7 +18,8 @@ from sim.rollouts.kept import KeptRollouts
 from sim.rollouts.run import Requests
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
 from sim.solvers.simulated import FromSimulator
-from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
+from sim.tasks.task import Executable, SolverSettings, Task
+from sim.types import PredictedOutcomes
 
 SCENARIOS, VARIED = 8, 4
 """Most parameters that stand for a distribution; and least number of draws, if trials of one action differ."""

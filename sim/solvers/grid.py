@@ -21,7 +21,8 @@ from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
 from sim.storage.files import Tensors
-from sim.tasks.task import Expectations, PredictedOutcomes, Task
+from sim.tasks.task import Expectations, Task
+from sim.types import PredictedOutcomes
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

@@ -13,7 +13,8 @@ import numpy as np
 from hw.types import Array
 from sim.rollouts.draws import Disturbances
 from sim.rollouts.run import Requests, Roll
-from sim.tasks.task import PredictedOutcomes, Task
+from sim.tasks.task import Task
+from sim.types import PredictedOutcomes
 
 REWARD_ROLLOUTS = 8
 """Rollouts behind one expected reward.

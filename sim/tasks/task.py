@@ -20,7 +20,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.errors import NoHardware
 from sim.tasks.hardware import Hardware
 from sim.tasks.training import TrainedPolicies
-from sim.types import Space
+from sim.types import PredictedOutcomes, Space
 
 if TYPE_CHECKING:
     pass
@@ -150,21 +150,6 @@ class Simulate(Protocol):
 SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
 """Many rollouts at once, for a task that is cheaper in stacks: (N, p), (N, c), (N, a), (N, n) -> N tracks. Each is the
 same as by `Simulate`."""
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedOutcomes:
-    """Predicted outcomes of trials, as an expected reward needs them."""
-
-    success: Array  # (...) chance
-    end_state: Array  # (..., k) of a success
-    failure_reward: Array | None = None  # (...) of a failure; None: in this task it earns nothing
-
-    @property
-    def mean_of_ensemble(self) -> PredictedOutcomes:
-        """The mean of predictions (M, ...) over the M members of an ensemble."""
-        failed = None if self.failure_reward is None else self.failure_reward.mean(axis=0)
-        return PredictedOutcomes(self.success.mean(axis=0), self.end_state.mean(axis=0), failed)
 
 
 @dataclass(frozen=True)

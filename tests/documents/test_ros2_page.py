@@ -19,7 +19,7 @@ from calib.files import read_folder
 from calib.foreign.chains import any_arm
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.lab.world import rollout_in
+from sim.lab.rollout import rollout_in
 from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
 

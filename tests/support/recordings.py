@@ -10,7 +10,8 @@ from mcap_ros2.writer import Writer
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.lab.world import load_world, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import load_world
 from sim.rollouts.draws import cover
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.solver import LqrSolver

@@ -37,7 +37,8 @@ from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import PROBES, GridSolver
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
-from sim.tasks.task import PredictedOutcomes, SolvedPolicy
+from sim.tasks.task import SolvedPolicy
+from sim.types import PredictedOutcomes
 from toss import PARAMETERS, TASK, face_on_top
 from toss.data import Tosses, read_tosses
 from toss.page import write

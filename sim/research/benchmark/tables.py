@@ -23,7 +23,8 @@ import numpy as np
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
-from sim.lab.world import World, task_in
+from sim.lab.rollout import task_in
+from sim.lab.world import World
 from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Trial, trials_of_rows
-from sim.lab.world import World, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import World
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials

@@ -21,8 +21,8 @@ from sim.errors import CheckpointError
 from sim.solvers.candidates import FromOutcomes, ScenarioPolicy, search
 from sim.solvers.threads import one_blas_thread
 from sim.storage.files import Tensors
-from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
-from sim.types import Space
+from sim.tasks.task import Executable, SolverSettings, Task
+from sim.types import PredictedOutcomes, Space
 
 ROWS = 512
 """Inputs evaluated at once, few enough for the layers' outputs to stay in the processor's cache."""

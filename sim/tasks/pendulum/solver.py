@@ -9,7 +9,8 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.tasks.pendulum.params import OBSERVATION
 from sim.tasks.pendulum.rollout import INPUTS, STATES, WORTHLESS, excess, observed_many, optimal, reward_of_success
-from sim.tasks.task import Executable, PredictedOutcomes, SolverSettings, Task
+from sim.tasks.task import Executable, SolverSettings, Task
+from sim.types import PredictedOutcomes
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ from adaptsim_cli.session.rig_target import RigTarget
 from hw.types import Array
 from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
-from sim.lab.world import load_world, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import load_world
 from sim.research.benchmark.jobs import BenchmarkRow, Job
 from sim.research.benchmark.sessions import Conditions
 from sim.research.benchmark.trial_sources import TrialSource

@@ -13,9 +13,10 @@ import pytest
 
 from sim.errors import ExtraMissing, NoHardware, WorldError
 from sim.lab.physics import effects_in, in_physics, simulate_of
+from sim.lab.rollout import rollout_in, task_in
 from sim.lab.simulated import SimulatedLab, truth_of
 from sim.lab.touch import TouchLab
-from sim.lab.world import list_worlds, load_world, rollout_in, task_in
+from sim.lab.world import list_worlds, load_world
 from sim.panda.tool import cell_as_shipped
 from sim.research.benchmark.tables import world_digest
 from sim.research.mujoco import scooping
@@ -120,7 +121,7 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.long
 def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
     code = (
-        "import sys; from sim.lab.world import load_world, task_in; "
+        "import sys; from sim.lab.world import load_world; from sim.lab.rollout import task_in; "
         "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.research.pretraining.pipeline; "
         "task_in(load_world('mujoco-wd', get_task('pushing')), get_task('pushing')); sys.exit('mujoco' in sys.modules)"
     )

@@ -11,7 +11,8 @@ import pytest
 
 from perception.types import Outcome
 from sim.errors import TaskError, WorldError
-from sim.lab.world import list_worlds, load_world, rollout_in, task_in, tasks_of_world
+from sim.lab.rollout import rollout_in, task_in
+from sim.lab.world import list_worlds, load_world, tasks_of_world
 from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Requests, run_many
 from sim.rollouts.soundness import examine

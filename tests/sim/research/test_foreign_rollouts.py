@@ -14,7 +14,8 @@ from pydrake.planning import RobotDiagramBuilder
 from perception.types import Outcome
 from sim.lab.drawn import draw_world
 from sim.lab.physics import effects_in
-from sim.lab.world import load_world, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import load_world
 from sim.research.mujoco import pushing, scooping, stepping
 from sim.research.mujoco.contact import add_pair, set_softness
 from sim.research.mujoco.pushing import bounce, damping_ratio

@@ -20,7 +20,8 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.adaptsim import create
 from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.errors import CheckpointError, TaskError
-from sim.lab.world import Faults, Sensing, World, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import Faults, Sensing, World
 from sim.research.pretraining import pipeline
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.grid_stage import grid_tensors, simulate_grid_share, trained

@@ -14,7 +14,8 @@ from documents import FENCE, ROOT
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import AnswerRefused, UsageError
-from sim.lab.world import load_world, rollout_in
+from sim.lab.rollout import rollout_in
+from sim.lab.world import load_world
 from sim.tasks import get_task
 
 MU = 0.12

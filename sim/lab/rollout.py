@@ -1,0 +1,48 @@
+"""Rollouts in a world: parameters, nuisance and unmodelled effects are the world's, contexts and actions anyone's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.errors import RolloutError, SimError
+from sim.lab.physics import simulate_of
+from sim.lab.world import World
+from sim.tasks.library import library_of
+from sim.tasks.task import Task
+
+
+def rollout_in(world: World, context: Array, action: Array, task: Task | None = None) -> ObjectTrack:
+    """A rollout at a context (c,) by an action (a,): parameters, nuisance and effects are the world's.
+
+    `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
+    physics is not installed, RolloutError if the task's code fails.
+    """
+    simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
+    try:
+        return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+    except SimError:
+        raise
+    except Exception as error:  # a task of another package may raise anything
+        raise RolloutError(
+            f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
+            f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
+        ) from error
+
+
+def task_in(world: World, task: Task) -> Task:
+    """The task whose rollouts are those of the world, one by one: stacks would know nothing of its effects."""
+    simulate = partial(_simulate_in, world, None if library_of(task) is None else task)
+    return replace(task, simulate=simulate, simulate_many=None)
+
+
+def _simulate_in(
+    world: World, task: Task | None, parameters: Array, context: Array, action: Array, *disturbances: Any
+) -> ObjectTrack:
+    """A `Simulate` that can be sent to another process; only context and action count."""
+    return rollout_in(world, context, action, task)

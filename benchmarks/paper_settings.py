@@ -150,12 +150,12 @@ def main() -> None:
     only = [name for name in asked.entries.split(",") if name]
     for setting in settings(asked.wanted):
         for seed in seeds_of(setting) if not only or setting.entry in only else ():
-            known = {(s.part, s.world, s.method, s.seed): s for s in read(STORED)}
+            sessions = {(s.part, s.world, s.method, s.seed): s for s in read(STORED)}
             key = (setting.part, setting.world, setting.entry, seed)
-            if key not in known:
-                known[key] = session_of(setting, seed)
-                write(STORED, [known[k] for k in sorted(known)])
-            print(*key, known[key].reward, flush=True)
+            if key not in sessions:
+                sessions[key] = session_of(setting, seed)
+                write(STORED, [sessions[k] for k in sorted(sessions)])
+            print(*key, sessions[key].reward, flush=True)
 
 
 if __name__ == "__main__":

@@ -86,17 +86,17 @@ def main() -> None:
         return
     task, played = get_task(asked.task), list[Session]()
     for target in targets_of(task, asked.targets.split(",")):
-        known = [s for s in sessions_of(asked.task, read()) if (s[0].world, s[0].seed) == (target.name, asked.seed)]
-        if not known:
-            known = [tuple(play(task, target, asked.seed, tables=asked.tables))]
-            write([*read(), *known[0]])
-        last = known[0][-1]
+        sessions = [s for s in sessions_of(asked.task, read()) if (s[0].world, s[0].seed) == (target.name, asked.seed)]
+        if not sessions:
+            sessions = [tuple(play(task, target, asked.seed, tables=asked.tables))]
+            write([*read(), *sessions[0]])
+        last = sessions[0][-1]
         print(
-            f"{target.name:>12}: earned {', '.join(f'{one.reward:.2f}' for one in known[0])}; at the end expected "
+            f"{target.name:>12}: earned {', '.join(f'{one.reward:.2f}' for one in sessions[0])}; at the end expected "
             f"{last.expected:.2f} ({last.low:.2f} to {last.high:.2f}), {'hopeless' if last.hopeless else ''}",
             flush=True,
         )
-        played += known
+        played += sessions
     print("\n".join(counts(played)))
 
 

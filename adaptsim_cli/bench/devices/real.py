@@ -54,7 +54,7 @@ class RealLab:
         self._folder, self._rig_file = folder_of(places(), rig), in_one_sentence(config, rig)
 
     def begin(self) -> None:
-        """Write from now on all that the screen says and asks to the log of the arm too, and show what is waived."""
+        """Show the waivers, and from now on write each line and question of the screen to the log of the arm too."""
         durable.make_folder(self._folder)
         self._screen.add_listener(CommandLog(self._folder, self._screen))
         for waiver in self.rig.in_force():

@@ -35,6 +35,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Write the runs of the double pendulum from the public recordings.")
     parser.add_argument("checkout", type=Path, help="checkout of double_pendulum")
     parser.add_argument("folder", type=Path, help="folder for the NPZ files")
-    given = parser.parse_args()
-    for path in convert(given.checkout, given.folder):
+    arguments = parser.parse_args()
+    for path in convert(arguments.checkout, arguments.folder):
         print(f"Written: {path}")

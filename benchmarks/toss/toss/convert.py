@@ -46,7 +46,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Write the file of tosses from the public recordings.")
     parser.add_argument("folder", type=Path, help="assets/contactnets_cube of dair_pll")
     parser.add_argument("target", type=Path, help="the file to write, for example tosses.npz")
-    given = parser.parse_args()
-    same = convert(given.folder, given.target) == STATE_SHA256
+    arguments = parser.parse_args()
+    same = convert(arguments.folder, arguments.target) == STATE_SHA256
     kind = "the same states as" if same else "OTHER STATES than"
-    print(f"Written: {given.target}, with {kind} the file of docs/results/tosses.md")
+    print(f"Written: {arguments.target}, with {kind} the file of docs/results/tosses.md")

@@ -148,7 +148,7 @@ def _posed(view: View, other: View) -> View:
 
 @dataclass(frozen=True, eq=False)
 class _Crossed:
-    """Every picture under every pose."""
+    """The fit of every picture with every pose."""
 
     views: Sequence[View]
     observations: Observations

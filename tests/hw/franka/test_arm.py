@@ -56,7 +56,7 @@ def test_a_bent_arm_is_led_from_its_held_joints_onto_the_path_within_the_limits(
 
 def test_a_controller_that_holds_something_else_is_refused() -> None:
     sink = InstantPlayer(held_off_rad=0.02 * (np.arange(7) == 3))
-    with arm(sink) as one, pytest.raises(MotionRefused, match=r"commanded position of joint 4 is 0\.02 rad"):
+    with arm(sink) as one, pytest.raises(MotionRefused, match=r"joint 4 starts 0\.02 rad from the position"):
         one.execute(path())
     assert sink.given == []
 

@@ -127,5 +127,5 @@ def test_leaving_ends_the_player() -> None:
 
 def test_workcell_and_settings_agree_on_the_force_that_stops_the_arm() -> None:
     assert CollisionThresholds().contact_force_limit_N == cell().stops_at_N
-    with pytest.raises(ValueError, match="stop by itself at 40 N, its settings at 80 N"):
+    with pytest.raises(ValueError, match="stops by itself at 40 N, but by its settings at 80 N"):
         open_franka(cell("fr3", stops_at_N=40.0), FrankaSettings("172.16.0.2"))

@@ -75,8 +75,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
         )
     if verdict.is_inexpressible:
         sentences.append(
-            f"No parameters in the ranges explain this {object_name}: {verdict.strange} of {verdict.trials} trajectories "
-            "are unlike all that the simulator predicts with them."
+            f"No parameters in the ranges explain this {object_name}: {verdict.strange} of {verdict.trials} "
+            "trajectories are unlike all that the simulator predicts with them."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:

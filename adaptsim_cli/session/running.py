@@ -185,7 +185,7 @@ def _drawn_anew(
 
 
 def _meant(root: Path, config: Config, request: SessionRequest) -> str:
-    """The name of the session: as given, else that of the settings with a task, else the newest one.
+    """The name of the session: the given one, else that of the settings with a task, else the newest.
 
     Raises UsageError if neither a task nor a session is named and there is none, or some other setting is given.
     """

@@ -70,8 +70,8 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
     at = np.rint(stops.at_s[finite] * PATH_RATE_HZ)
     if not finite[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
         raise MotionRefused(
-            f"{limits.model}: no stop can begin within {2e3 * STOPS_EVERY_S:.0f} ms of some moments without breaking "
-            "a limit; slow the path down"
+            f"{limits.model}: from some moments, no stop that begins within {2e3 * STOPS_EVERY_S:.0f} ms keeps all "
+            "limits; slow the path down"
         )
     return PlayableMotion(path, at, stops.duration_s[finite], stops.path_time_s[finite], limits.joints)
 

@@ -147,7 +147,7 @@ AGREES = 0.02
 
 @dataclass(frozen=True, eq=False)
 class RawTrial:
-    """The values of a trial by name; others are kept and not used."""
+    """The values of a trial by name; unknown ones are kept and not used."""
 
     name: str
     values: Mapping[str, float | str]

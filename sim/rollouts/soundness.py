@@ -289,8 +289,8 @@ def _contexts(
             pairs, apart = pairs + 1, apart + bool(difference.max() > SAME)
             if difference.max() > off_by:
                 off_by, worst = float(difference.max()), (context, int(difference.argmax()), true, here)
-    ends = np.stack([np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None] or [[]])
-    if moved == 0.0 and ends.size and not reward_knows(task, ends, rng):
+    ends = [np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None]
+    if moved == 0.0 and ends and not reward_knows(task, np.stack(ends), rng):
         detail = f"{', '.join(task.context.names)} changes neither the motion nor the reward: is it used?"
         yield TaskFinding("contexts matter", "doubtful", detail)
     if task.relocate is None:

@@ -65,13 +65,3 @@ def test_a_row_that_is_stored_is_not_made_again(tmp_path):
     assert again.knows("hit wd udr", 0)
     rows = [again.row("hit wd udr", 0, lambda: pytest.fail("made again")), {"first": 0.3, "final": 0.6, "rollouts": 11}]
     assert own_simulator.line("udr", "wd", rows).split()[2:] == ["2", "0.200", "0.400", "0.200", "to", "0.600", "10"]
-        "udr",
-        "wd",
-        "2",
-        "0.200",
-        "0.400",
-        "0.200",
-        "to",
-        "0.600",
-        "10",
-    ]

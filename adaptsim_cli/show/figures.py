@@ -24,7 +24,7 @@ LEVELS = (0.05, 0.25, 0.75, 0.95)
 """Quantiles of a posterior: the ends of the pale and of the strong band."""
 
 
-TICK = 9
+TICK = 10
 """Most letters of a word beside an axis."""
 
 ROOM_PX = 26.0
@@ -101,7 +101,7 @@ def parameter(
         return kinds[round(value)] if kinds else f"{plain(value)} {dimension.unit}".rstrip()
 
     canvas = Canvas(360, 190, f"{dimension.name} over the iterations")
-    left, right, top, bottom = 52.0, 350.0, 12.0, 158.0
+    left, right, top, bottom = 74.0 if kinds else 52.0, 350.0, 12.0, 158.0
     low, high = _seen(dimension, posteriors, index)
     y = Scale(low, high, bottom - 8, top + 8, log=dimension.scale == "log")
     canvas.rect(left, y(dimension.high), right - left, y(dimension.low) - y(dimension.high), "range", 4)

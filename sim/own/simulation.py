@@ -154,6 +154,8 @@ class Simulation:
         return ObjectTrack(t_s, rows, Outcome.SETTLED, _NO_TOOL, np.ones(len(t_s)))
 
     def _numbers(self, what: str, value: Any) -> Array:
+        if np.iscomplexobj(value):
+            raise self._wrong(f"returns {what} that are complex numbers: take their real part, if that is meant")
         try:
             return np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Notices whether the code of a task's file does more than compute: prints, sleeps, starts processes, reads clocks."""
+"""Notices whether the code of a task's file does more than compute: prints, sleeps, reads the clock, and more."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ PRINTS = "prints"
 SLEEPS = "sleeps"
 STARTS = "starts a process"
 READS_CLOCK = "reads the clock"
+MOVES = "changes the current folder"
 _CLOCKS = ("time", "time_ns", "monotonic", "perf_counter")
 
 
@@ -83,7 +84,7 @@ def watched(path: str) -> Iterator[Watched]:
         patched(time, {"sleep": sleep, **{name: noting(READS_CLOCK, getattr(time, name)) for name in _CLOCKS}}),
         patched(subprocess, starts),
         patched(subprocess.Popen, {"__init__": noting(STARTS, subprocess.Popen.__init__)}),
-        patched(os, {"system": noting(STARTS, os.system)}),
+        patched(os, {"system": noting(STARTS, os.system), "chdir": noting(MOVES, os.chdir)}),
         redirect_stdout(Aside()),
     ):
         yield notes

@@ -190,7 +190,7 @@ def _moments(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
     if latest_s > first_s + 0.1 * last_s:
         yield (
             f"the first observed moment of {task.name} is {first_s:g} s, and a rollout begins at {latest_s:.4g} s: its "
-            "times must begin at 0"
+            "times must begin at 0, or its moments there"
         )
 
 

@@ -141,21 +141,21 @@ def _confined() -> set[str]:
 
 @cache
 def _guard() -> None:
-    def guard(module: Any, name: str, right: str) -> None:
+    def guard(module: Any, name: str, shown: str, right: str) -> None:
         original = getattr(module, name)
 
         def guarded(*values: Any) -> Any:
             for path in _confined():
                 if (line := caller_line(path)) is not None:
-                    raise TaskError(f"{path}, line {line} calls {name}: {right}")
+                    raise TaskError(f"{path}, line {line} calls {shown}: {right}")
             return original(*values)
 
         setattr(module, name, guarded)
 
     for name in ("_exit", "abort", "fork", "forkpty"):
         if hasattr(os, name):
-            guard(os, name, "a task may neither end nor double the process")
-    guard(builtins, "input", "a task may not wait for the keyboard; everything comes by its arguments")
+            guard(os, name, f"os.{name}", "a task may neither end nor double the process")
+    guard(builtins, "input", "input", "a task may not wait for the keyboard; everything comes by its arguments")
 
 
 @contextmanager

@@ -85,16 +85,16 @@ def rewards(
 
 def parameter(
     dimension: DimensionRecord,
-    kinds: Sequence[str],
     paths: Sequence[Sequence[float]],
     posteriors: Sequence[Posterior] = (),
     index: int = 0,
+    kinds: Sequence[str] = (),
 ) -> str:
     """The mean of one parameter for every particle against iterations, within its range.
 
     Bands show the posterior by the trajectories known at that time; for an integer parameter, the size of a circle
-    shows the probability of a value. `kinds` are the words of a category. `index` is the parameter's index in the
-    posteriors.
+    shows the probability of a value. `index` is the parameter's index in the posteriors. `kinds` are the words of a
+    category.
     """
 
     def name(value: float) -> str:

@@ -156,7 +156,7 @@ def render(
         if trials
         else "",
         figure_parameters=[
-            (d, figures.parameter(record, d.kinds, paths, assessment.posteriors if assessment else (), index))
+            (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index, d.kinds))
             for index, (d, record, paths) in enumerate(
                 zip(_described(facts, facts.parameters), facts.parameters, means_of(store, results).T, strict=True)
             )

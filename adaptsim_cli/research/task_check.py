@@ -76,8 +76,8 @@ def _early_end(name_or_file: str, record: Path, status: int, limit_s: float) -> 
 
     entry = registered().get(name_or_file)
     path = entry.file if entry is not None else name_or_file.partition(":")[0]
-    known = entry is not None or is_file(name_or_file)
-    file = str(Path(path).expanduser().absolute()) if known else f"the task {name_or_file}"
+    is_declared = entry is not None or is_file(name_or_file)
+    file = str(Path(path).expanduser().absolute()) if is_declared else f"the task {name_or_file}"
     if not record.exists():
         return TaskError(f"{file}: the process of the check ended before it began ({status}): run the command again")
     end = ending(record, file, status)

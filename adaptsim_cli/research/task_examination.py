@@ -15,7 +15,7 @@ import numpy as np
 from adaptsim_cli.research.task_check import RECORD, RESULT, loaded
 from hw.watchdog import die_with_parent
 from sim.errors import SimError, TaskError
-from sim.own.silence import Watchdog
+from sim.own.silence import StepTimer
 from sim.own.watching import watched
 from sim.rollouts.sampled_rollouts import Cost, TaskFinding
 from sim.rollouts.soundness import examine
@@ -26,7 +26,7 @@ LOADING_S, STEP_S = 60.0, 20.0
 of large packages take long."""
 
 
-def examined(name_or_file: str, limit_s: float, watchdog: Watchdog) -> dict[str, Any]:
+def examined(name_or_file: str, limit_s: float, watchdog: StepTimer) -> dict[str, Any]:
     """The findings about a task and the cost of a rollout. A file that cannot be loaded raises TaskError.
 
     Each step may take half of `limit_s`: a task whose rollouts take longer cannot be checked in that time.
@@ -64,7 +64,7 @@ def main(name_or_file: str, limit: str, folder: str, parent: str) -> None:
     """Write the findings, or the error, into the folder."""
     if sys.platform == "linux":
         die_with_parent(int(parent))
-    watchdog = Watchdog(Path(folder) / RECORD)
+    watchdog = StepTimer(Path(folder) / RECORD)
     try:
         answer = examined(name_or_file, float(limit), watchdog)
     except SimError as error:

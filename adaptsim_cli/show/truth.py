@@ -53,8 +53,8 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
         return None
     try:
         task, world = checkpoint.solver.task, load_world(facts.world, checkpoint.solver.task)
-        known = posterior()
-        believed = _levels(known)
+        final = posterior()
+        believed = _levels(final)
         udr = _udr_rewards(checkpoint, world)
     except SimError:
         return None
@@ -68,7 +68,7 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
             RevealedParameter(
                 name=d.name, plain_name=d.plain_name, unit=d.unit, meaning=d.meaning, scale=d.scale,
                 truth=float(truth), low=d.low, high=d.high, believed=ends, kinds=[*d.kinds],
-                chances=None if (chances := known.chances(index)) is None else [*chances],
+                chances=None if (chances := final.chances(index)) is None else [*chances],
             )
             for index, (d, truth, ends) in enumerate(
                 zip(task.parameters.dimensions, world.parameters, believed, strict=True)

@@ -21,7 +21,7 @@ _TIMEOUT = re.compile(r"^Timeout \(", re.MULTILINE)
 _FATAL = re.compile(r"^Fatal Python error: (.*)$", re.MULTILINE)
 
 
-class Watchdog:
+class StepTimer:
     """Ends this process if a step takes longer than its limit. `record` says which step and where; see `ending`."""
 
     def __init__(self, record: Path) -> None:

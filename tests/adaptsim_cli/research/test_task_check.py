@@ -37,9 +37,9 @@ def slide(p, action):
 HANGS = """
 import sys
 from pathlib import Path
-from sim.own.silence import Watchdog
+from sim.own.silence import StepTimer
 
-watchdog = Watchdog(Path(sys.argv[1]))
+watchdog = StepTimer(Path(sys.argv[1]))
 watchdog.begin("a rollout", 30.0)
 watchdog.begin("a rollout with µ = 0.1", 0.3)
 exec(compile(sys.argv[2], "/tmp/schön.py", "exec"))

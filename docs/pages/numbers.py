@@ -21,6 +21,7 @@ from adaptsim_cli.bench.rig_file.description import PersonPart
 from hw import braking, stopping, watchdog
 from pages import ROOT
 from pages.sealed import sealed_entry, sealed_summary
+from sim.research.benchmark.strata import ALL
 
 SESSIONS, STOPS = ROOT / "docs/results/sessions.csv", ROOT / "docs/results/motion.md"
 FILLED = re.compile(r"(?P<old>[+−-]?\w[\w.-]*)(?P<share> %)?<!--= (?P<expression>.*?) -->")
@@ -124,15 +125,17 @@ def least_world(part: str) -> str:
     return min(gains(part), key=gains(part).__getitem__)
 
 
-def sealed(name: str, entry: str = "adaptsim", *, end: int = 0) -> float:
-    """Mean reward in a sealed benchmark, such as `pushing-drawn`; `end` −1 and 1: the ends of its 95 % interval."""
-    one = sealed_entry(name, entry)
+def sealed(name: str, entry: str = "adaptsim", *, stratum: str = ALL, end: int = 0) -> float:
+    """Mean reward in a sealed benchmark, such as `pushing-drawn`, in all worlds, those `in need` or the `others`; `end`
+    −1 and 1: the ends of its 95 % interval.
+    """
+    one = sealed_entry(name, entry, stratum)
     return one.ci95[end > 0] if end else one.reward
 
 
-def sealed_lead(name: str, entry: str, *, end: int = 0) -> float:
-    """What `adaptsim` earns more in a sealed benchmark, paired by world; `end` as of `sealed`."""
-    one = sealed_entry(name, entry)
+def sealed_lead(name: str, entry: str, *, stratum: str = ALL, end: int = 0) -> float:
+    """What `adaptsim` earns more in a sealed benchmark, paired by world; `stratum` and `end` as of `sealed`."""
+    one = sealed_entry(name, entry, stratum)
     return one.behind_ci95[end > 0] if end else one.behind
 
 
@@ -143,6 +146,11 @@ def sealed_worlds(name: str) -> int:
 def sealed_need(name: str) -> int:
     """How many worlds of a sealed benchmark need an action of their own."""
     return len(sealed_summary(name)[1].need)
+
+
+def sealed_worth(name: str) -> float:
+    """What an action of its own is worth in a world of a sealed benchmark, over the best fixed rule."""
+    return float(np.mean([worth for _, worth in sealed_summary(name)[1].worth]))
 
 
 def stops() -> list[tuple[str, str, str, str]]:
@@ -162,7 +170,7 @@ def farthest_stop_cm() -> float:
 NAMES: Mapping[str, Any] = {
     **{one.__name__: one for one in (mean, lead, change, gaining, worlds, least, least_world)},
     **{one.__name__: one for one in (longest_stop_s, farthest_stop_cm)},
-    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need)},
+    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need, sealed_worth)},
     **{name: value for module in (braking, stopping, watchdog, separation) for name, value in vars(module).items()},
     "default_side_m": PersonPart("left").from_m,
 }

@@ -148,11 +148,6 @@ def sealed_need(name: str) -> int:
     return len(sealed_summary(name)[1].need)
 
 
-def sealed_worth(name: str) -> float:
-    """What an action of its own is worth in a world of a sealed benchmark, over the best fixed rule."""
-    return float(np.mean([worth for _, worth in sealed_summary(name)[1].worth]))
-
-
 def stops() -> list[tuple[str, str, str, str]]:
     """(task, arm, time in s, travel in cm) of the table of shipped motions, which a slow test computes again."""
     row = r"^\| (scooping|pushing), (Panda|FR3) \| (0\.\d\d) s \| (\d+) cm \|$"
@@ -170,7 +165,7 @@ def farthest_stop_cm() -> float:
 NAMES: Mapping[str, Any] = {
     **{one.__name__: one for one in (mean, lead, change, gaining, worlds, least, least_world)},
     **{one.__name__: one for one in (longest_stop_s, farthest_stop_cm)},
-    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need, sealed_worth)},
+    **{one.__name__: one for one in (sealed, sealed_lead, sealed_worlds, sealed_need)},
     **{name: value for module in (braking, stopping, watchdog, separation) for name, value in vars(module).items()},
     "default_side_m": PersonPart("left").from_m,
 }

@@ -73,6 +73,9 @@ SETS = {
     "foods-drawn": "scooping, 40 drawn foods",
 }
 
+SEALED_SETS = ("pendulum-drawn", "pushing-drawn")
+"""The stored sealed benchmarks that name the worth of an own action."""
+
 PLACES = {"omega": "in Ω", "beyond": "in the margin beyond Ω"}
 
 OWN_TAIL = """
@@ -124,7 +127,7 @@ def own_actions() -> str:
             f"| {task}, {PLACES[place]} | {one['fixed']:.3f} | {one['own']:.3f} | {worth:.3f} | "
             f"{one['in_need']} of {one['truths']} |\n"
         )
-    return text + "\n" + "\n".join(_drawn_sets()) + "\n" + OWN_TAIL
+    return text + "\n" + "\n".join([*_drawn_sets(), "", *_sealed_worths()]) + "\n" + OWN_TAIL
 
 
 @cache
@@ -166,10 +169,9 @@ def _benchmark(name: str) -> Iterator[str]:
 
 def _in_short(summary: SealedSummary) -> Iterator[str]:
     total = len(summary.worth)
-    mean = float(np.mean([value for _, value in summary.worth]))
     yield (
-        f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {mean:.3f} on average over "
-        f"the best fixed rule, `{summary.fixed_rule}`."
+        f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {_mean_worth(summary):.3f} "
+        f"on average over the best fixed rule, `{summary.fixed_rule}`."
     )
     ones = [one for one in summary.strata if one.stratum == ALL and one.entry != "adaptsim"]
     level = [f"`{one.entry}`" for one in ones if one.behind_ci95[0] <= 0.0 <= one.behind_ci95[1]]
@@ -226,6 +228,21 @@ def _drawn_sets() -> Iterator[str]:
             f"| {title} | {udr.mean():.3f} | {limit.mean():.3f} | {(limit - udr).mean():.3f} | {need.sum()} of "
             f"{len(worlds)} | {_signed(gain[need].mean())} | {_signed(gain[~need].mean())} |"
         )
+
+
+def _sealed_worths() -> Iterator[str]:
+    yield "In the [sealed worlds](sealed.md), the worth is that over the best fixed rule:"
+    yield ""
+    for name in SEALED_SETS:
+        stored, summary = sealed_summary(name)
+        yield (
+            f"* {stored['task']}: {_mean_worth(summary):.3f} with `{summary.fixed_rule}`; {len(summary.need)} of "
+            f"{len(summary.worth)} worlds are in need"
+        )
+
+
+def _mean_worth(summary: SealedSummary) -> float:
+    return float(np.mean([worth for _, worth in summary.worth]))
 
 
 def _signed(value: float) -> str:

@@ -150,7 +150,7 @@ class OutcomeInWords:
         try:
             return next((word for word, holds in self.conditions.items() if holds is None or holds(values)), "other")
         except (Exception, SystemExit) as error:  # the user's code may raise anything
-            raise TaskError(f"{line_of(error, self.end.path)}: a condition of outcomes {raises(error)}") from error
+            raise TaskError(f"{line_of(error, self.end.path)}: a condition in `outcomes` {raises(error)}") from error
 
 
 def conditions_of(declared: Any) -> Mapping[str, Any] | None:

@@ -29,7 +29,7 @@ def roles_of(function: Callable[..., Any]) -> tuple[str, ...]:
     needed = [name for name, one in inputs.items() if one.default is inspect.Parameter.empty]
     if named := [name for name in needed if inputs[name].kind is inspect.Parameter.KEYWORD_ONLY]:
         raise TaskError(
-            f"the function {function.__name__} takes {', '.join(named)} by keyword alone: leave out the * before it"
+            f"the function {function.__name__} takes {', '.join(named)} only by keyword: leave out the * before it"
         )
     unknown = [name for name in needed if name not in ROLES]
     roles = tuple(ROLES[name] for name in needed if name in ROLES)

@@ -21,7 +21,7 @@ _LONGEST_S = 0.05
 
 @dataclass(frozen=True)
 class Watched:
-    """The lines of a file that did more than compute."""
+    """The lines of a task file that printed, slept or started a process."""
 
     path: str
     lines: dict[str, list[int]] = field(default_factory=dict)  # what -> lines

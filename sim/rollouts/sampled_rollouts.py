@@ -58,8 +58,9 @@ class Cost:
 
 
 def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[SampledRollout], int]:
-    """Rollouts one at a time: the first at the middle, then each quantity at its ends, then everywhere; and the number
-    of those at the ends.
+    """Simulate rollouts: the first at the middle, then each quantity at its ends, then everywhere.
+
+    Returns them, and the number of those up to the last end.
     """
     spaces = (task.margin, task.context, task.action, task.nuisance)
     middle = [np.asarray(space.middle) for space in spaces]

@@ -105,7 +105,7 @@ def by_keyword(p, *, action): ...
         (with_force, r"takes \(p, force\): it must take \(p, action\)"),
         (without_p, r"takes \(action\): it must take \(p, action\)"),
         (with_policy, "takes a policy, and the argument `train` is missing"),
-        (by_keyword, r"by_keyword takes action by keyword alone: leave out the \* before it"),
+        (by_keyword, r"by_keyword takes action only by keyword: leave out the \* before it"),
         (
             lambda p, action: ([0.0], [0.0]),
             r"stands above <function <lambda> at .*: it must stand above a function with",

@@ -94,7 +94,7 @@ def test_a_policy_takes_the_best_listed_action_that_is_left() -> None:
     assert policy(context).tolist() == [0.5]
     assert policy.predict(context)[0] == pytest.approx(0.6, abs=0.02)
     left.clear()
-    with pytest.raises(NotExecutable, match="none of the 3 listed actions is left"):
+    with pytest.raises(NotExecutable, match="none of the 3 listed actions can still be executed"):
         policy(context)
     assert policy.actions(np.array([[0.1], [0.9]])).tolist() == [[0.1], [0.9]]
 

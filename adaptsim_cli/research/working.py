@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -18,6 +18,9 @@ from adaptsim_cli.storage.durable import LOCK, locked, make_folder
 
 if TYPE_CHECKING:
     from sim.rollouts.shares import Share
+
+StageProgress = Callable[[str, int, int], None]
+"""(stage, done, total)"""
 
 
 def simulations(resolved: Resolved, scheduler: str, screen: Screen) -> AbstractContextManager[Executor]:

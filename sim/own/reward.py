@@ -128,7 +128,8 @@ def reward_of(function: Any, path: str, names: tuple[str, ...], ends: Space | No
     single = one.unclipped(end, contexts)
     if not np.isfinite(single).all():
         bad = int(np.argmin(np.isfinite(single)))
-        raise TaskError(f"reward returns {single[bad]} for the end {dict(zip(names, end[bad].round(4), strict=True))}")
+        values = dict(zip(names, end[bad].round(4).tolist(), strict=True))
+        raise TaskError(f"reward returns {single[bad]:g} for the end {values}: it must be a number from 0 to 1")
     try:
         stacked = Reward(function, path, names, context, takes, stacks=True)
         both = stacked.unclipped(end.reshape(2, 4, -1), contexts.reshape(2, 4, -1))

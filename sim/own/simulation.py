@@ -20,6 +20,9 @@ from sim.types import Space
 ROLES = {"p": "p", "params": "p", "parameters": "p", "context": "context", "action": "action", "policy": "policy"}
 """Name of an argument of the user's function -> its role."""
 
+MOST_TIMES = 200_000
+"""Of a rollout: more than any observation needs, and hundreds of them still fit into memory."""
+
 _NO_TOOL = np.full(3, np.nan)
 
 
@@ -125,6 +128,10 @@ class Simulation:
             rows = rows[:, None]
         if t_s.ndim != 1 or len(t_s) == 0:
             raise self._wrong(f"returns times of shape {t_s.shape}: it must be a list of times in s")
+        if len(t_s) > MOST_TIMES:
+            raise self._wrong(
+                f"returns {len(t_s):,} times: at most {MOST_TIMES:,} are kept; leave out rows, as states[::10]"
+            )
         if rows.shape != (len(t_s), len(self.state)):
             raise self._wrong(
                 f"returns states of shape {rows.shape} for {len(t_s)} times: the shape must be "
@@ -147,6 +154,8 @@ class Simulation:
         return ObjectTrack(t_s, rows, Outcome.SETTLED, _NO_TOOL, np.ones(len(t_s)))
 
     def _numbers(self, what: str, value: Any) -> Array:
+        if np.iscomplexobj(value):
+            raise self._wrong(f"returns {what} that are complex numbers: take their real part, if that is meant")
         try:
             return np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:

@@ -41,7 +41,7 @@ class Dashboard:
         if path == "/":
             return Content(HTML, self.index(self._root).encode())
         if path == "/changes":
-            return self._changes(self._root)
+            return self._changes(self._root, _state(self._root))  # now: a stream begins only once it is read
         return _file(self._root, path)
 
     def index(self, root: Path) -> str:
@@ -78,9 +78,9 @@ class Dashboard:
                 row_and_version = self._rows[name] = (version, row)
         return row_and_version[1]
 
-    def _changes(self, root: Path) -> Iterator[bytes]:
-        """An event whenever a session changes, begins or ends."""
-        last, quiet = _state(root), 0
+    def _changes(self, root: Path, last: object) -> Iterator[bytes]:
+        """An event whenever a session changes, begins or ends after the state `last`."""
+        quiet = 0
         while True:
             time.sleep(POLL_S)
             if (now := _state(root)) != last:

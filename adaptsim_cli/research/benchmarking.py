@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.sealed import Seal, code_version, seal_of
-from adaptsim_cli.research.working import working_in
+from adaptsim_cli.research.working import StageProgress, working_in
 from adaptsim_cli.research.world_tables import comma_separated, scene_keys, tables_folder
 
 if TYPE_CHECKING:

@@ -13,15 +13,12 @@ from typing import TYPE_CHECKING, Any
 from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.config import LEARNT, Config, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.working import working_in
+from adaptsim_cli.research.working import StageProgress, working_in
 
 if TYPE_CHECKING:
     from sim.research.pretraining.budget import OptionalStages, PretrainBudget
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
-
-StageProgress = Callable[[str, int, int], None]
-"""(stage, done, total)"""
 
 ROLLOUTS, QUICK = 240, 96
 """True rollouts of a verification: half a minute of one core, and about ten seconds."""
@@ -179,7 +176,8 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
     """
     from sim.research.pretraining.verification import CardFigure
     from sim.research.pretraining.verification import verify_figures as verify
-    from sim.rollouts import run_many, simulating_executor
+    from sim.rollouts.executors import simulating_executor
+    from sim.rollouts.run import run_many
 
     checkpoint = checkpoint_of(config)
     task = checkpoint.solver.task

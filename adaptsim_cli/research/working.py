@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -19,6 +19,9 @@ from adaptsim_cli.storage.durable import LOCK, locked, make_folder
 if TYPE_CHECKING:
     from sim.rollouts.shares import Share
 
+StageProgress = Callable[[str, int, int], None]
+"""(stage, done, total)"""
+
 
 def simulations(resolved: Resolved, scheduler: str, screen: Screen) -> AbstractContextManager[Executor]:
     """The executor of simulations: the workers of the Dask `scheduler`, or processes of this computer. The screen
@@ -26,7 +29,7 @@ def simulations(resolved: Resolved, scheduler: str, screen: Screen) -> AbstractC
 
     Raises UsageError if both --workers and a scheduler were given, ClusterUnavailable, ExtraMissing.
     """
-    from sim.rollouts import simulating_executor
+    from sim.rollouts.executors import simulating_executor
 
     if scheduler and "workers" in resolved.flags:
         raise UsageError("--workers counts processes of this computer, --scheduler uses others: leave one of them out")

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.sealed import seal_of
-from adaptsim_cli.research.working import working_in
+from adaptsim_cli.research.working import StageProgress, working_in
 
 if TYPE_CHECKING:
     from sim.lab.physics import Physics

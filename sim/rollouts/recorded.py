@@ -202,6 +202,13 @@ class RecordedTrials:
                 raise RecordingsRefused(f"trial {name} is there twice: remove one of them")
             if (other := names.setdefault(action.tobytes(), name)) != name:
                 raise RecordingsRefused(f"trials {other} and {name} have the same action: remove one of them")
+        exact = dict[bytes, str]()
+        for name, track in zip(self.names, self.tracks, strict=True):
+            if not np.ptp(track.state[:, list(self.task.observation.columns)], axis=0).any():
+                continue  # an object that stays where it is does so alike in every trial
+            content = track.t_s.tobytes() + track.state.tobytes()
+            if (other := exact.setdefault(content, name)) != name:
+                raise RecordingsRefused(_copy_sentence(other, name, "to the last digit"))
         if copy := copied(self.task, self.names, self.tracks):
             raise RecordingsRefused(copy)
 
@@ -230,25 +237,18 @@ def require_sound(trials: RecordedTrials) -> RecordedTrials:
 
 
 def copied(task: Task, names: Sequence[str], tracks: Sequence[ObjectTrack]) -> str:
-    """A sentence about two trials of different actions that have one trajectory; "" without any.
-
-    An object that stays where it is does so alike in every trial, so it has to move.
+    """A sentence about two trials of different actions in which the object moves alike, within less than any noise; ""
+    without any.
     """
     sight = task.observation
-    exact = dict[bytes, str]()
-    for name, track in zip(names, tracks, strict=True):
-        if np.ptp(track.state[:, list(sight.columns)], axis=0).any():
-            content = track.t_s.tobytes() + track.state.tobytes()
-            if (other := exact.setdefault(content, name)) != name:
-                return _copy_sentence(other, name, "to the last digit")
     rows = np.array([sight.normalise(track.at(sight.times_s)[:, list(sight.columns)]) for track in tracks])
     rows = rows.reshape(len(tracks), -1)
     moves = np.ptp(rows.reshape(len(rows), len(sight.times_s), -1), axis=1).max(axis=1) > _COPIED_MOVES
-    sums = np.where(moves & np.isfinite(rows).all(axis=1), rows.sum(axis=1), np.inf)
-    order = np.argsort(sums)
+    moving, sums = np.flatnonzero(moves & np.isfinite(rows).all(axis=1)), rows.sum(axis=1)
+    order = moving[np.argsort(sums[moving])]
     for here, i in enumerate(order):
         for j in order[here + 1 :]:
-            if not sums[j] - sums[i] <= _COPY * rows.shape[1]:
+            if sums[j] - sums[i] > _COPY * rows.shape[1]:
                 break  # the others lie farther away, because the sum of their differences does
             if np.abs(rows[i] - rows[j]).max() <= _COPY:
                 return _copy_sentence(names[min(i, j)], names[max(i, j)], f"within {_COPY:.2%} of the range")

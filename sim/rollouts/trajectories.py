@@ -27,8 +27,8 @@ DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
 faster than the third (m/s) and as it rests."""
 _FAST_M_S, HELD_S = 0.3, 0.08
 """A place that is repeated for longer than this (s) between steps of a fast object (m/s) is not measured anew."""
-STOPS_M_S2 = 15.0
-"""No friction stops an object faster (m/s²)."""
+STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
+"""No friction stops an object faster (m/s²) than the first; its speed is that of so many steps, and so many follow."""
 HEIGHT_M = 0.10
 """How far from its known height an object may begin (m)."""
 
@@ -130,8 +130,11 @@ def _frozen(task: Task, track: ObjectTrack) -> str:
     if not len(changes) or track.outcome in (Outcome.TIPPED, Outcome.LOST):
         return ""
     last = int(changes[-1])
-    speed_m_s = float(way_m[last] / every_s[last])
-    if last > len(way_m) - 3 or speed_m_s < _FAST_M_S or speed_m_s / every_s[last + 1] < STOPS_M_S2:
+    if not _FROZEN_STEPS <= last + 1 <= len(way_m) - _FROZEN_STEPS:
+        return ""
+    lately = slice(last + 1 - _FROZEN_STEPS, last + 1)  # one step alone may be the resolution's
+    speed_m_s = float(way_m[lately].sum() / every_s[lately].sum())
+    if speed_m_s < _FAST_M_S or speed_m_s / every_s[last + 1] < STOPS_M_S2:
         return ""
     return (
         f"the object moves at {speed_m_s:.2g} m/s until {track.t_s[last + 1]:.3g} s, and from then on its place is the "

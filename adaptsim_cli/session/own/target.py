@@ -269,8 +269,9 @@ def _explained(exchange: Exchange) -> Iterator[None]:
     try:
         yield
     except (AnswerRefused, MomentsMissing) as error:
+        stop = "" if str(error).endswith("?") else "."
         raise AnswerRefused(
-            f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
+            f"the answer to trial {exchange.question().trial} does not count: {error}{stop} It is kept in "
             f"{exchange.answer_file}: correct it there, or delete it to be asked again"
         ) from error
 

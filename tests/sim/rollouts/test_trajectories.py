@@ -46,8 +46,9 @@ def test_places_that_are_repeated_between_measurements_are_named(push: ObjectTra
 
     assert "its place is new only every 0.2 s while the object moves" in sentence(held(6))
     assert sentence(held(1)) == ""
-    rounded = replace(push, state=np.round(push.state, 3))
-    assert sentence(rounded) == "", "a coarse resolution repeats places too, at rest"
+    for resolution_m in (0.001, 0.02):
+        rounded = replace(push, state=np.round(push.state / resolution_m) * resolution_m)
+        assert sentence(rounded) == "", "a coarse resolution repeats places too"
 
 
 def test_a_tracker_that_stops_while_the_object_moves_is_named(push: ObjectTrack) -> None:

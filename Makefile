@@ -57,11 +57,14 @@ demo: $(RUNS)
 	$(BIN)/adaptsim run-iteration $$lab --iterations 5 --until-done --session $$name && \
 	$(BIN)/adaptsim compare $$name-udr $$name
 
+# A test that hangs where no signal reaches it ends its process after this time, and the others go on.
+HANGING := -o faulthandler_timeout=660 -o faulthandler_exit_on_timeout=true
+
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 $(HANGING)
 
 test-long: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'long and not slow' --durations 10
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'long and not slow' --durations 10 $(HANGING)
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10

@@ -86,13 +86,18 @@ class Config(Record):
     answer_moves: Annotated[
         Literal["robot", "nothing"],
         Field(
-            description="what that program moves: robot, then every trial is confirmed; or nothing, which counts as a "
-            "flag, or beside the answer_with that it belongs to"
+            description="what that program moves: robot (every trial is confirmed) or nothing (counts only as a flag, "
+            "or in the file of its answer_with)"
         ),
     ] = "robot"
     answer_limit_s: Annotated[
         float,
-        Field(gt=0.0, le=86400.0, allow_inf_nan=False, description="after which a silent program is asked about, s"),
+        Field(
+            gt=0.0,
+            le=86400.0,
+            allow_inf_nan=False,
+            description="silence of the program after which the session asks whether to wait, s",
+        ),
     ] = 600.0
     held_out: Annotated[
         float,
@@ -123,7 +128,9 @@ class Config(Record):
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
-    realtime: Annotated[bool, Field(description="the simulated lab moves at the arm's own pace, to be watched")] = False
+    realtime: Annotated[
+        bool, Field(description="the simulated lab moves at the arm's own pace, so that you can watch")
+    ] = False
     pace: Annotated[
         float,
         Field(

@@ -113,7 +113,7 @@ def require(claims: Iterable[FileClaim], trust: Trust, screen: Screen, *, asks: 
             )
         screen.note(f"{title[0].upper()}{title[1:]} belongs to the current folder and may be somebody else's.")
         screen.note(f"  {claim.meaning}{since}")
-        yes = Key("y", "to confirm it", "It counts from now on, here alone, until its content changes.")
+        yes = Key("y", "to confirm it", "It counts from now on, only here, until its content changes.")
         if screen.choose(f"Do you trust {title}?", yes, stop("The command ends; nothing has run or moved.")) == "q":
             raise StoppedByOperator("stopped by the operator; nothing has run or moved")
         trust.confirm(claim)

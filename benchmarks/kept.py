@@ -38,6 +38,10 @@ class Kept:
                     file.write(self._line(*key))
         return self._rows[key]
 
+    def knows(self, case: str, seed: int) -> bool:
+        """Whether the row of this case and seed is there."""
+        return (case, seed) in self._rows
+
     def _line(self, case: str, seed: int) -> str:
         return json.dumps({"case": case, "seed": seed, "row": self._rows[case, seed]}, default=_plain) + "\n"
 

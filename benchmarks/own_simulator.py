@@ -1,22 +1,31 @@
-"""Ways to adapt the puck of the guide's page "Your own simulator", with the same trials: scipy's, ours with and without
-Phase 1, and others.
+"""Ways to adapt a task of one file, with the same trials: scipy's, mujoco.sysid's, ours with and without Phase 1, and
+others.
 
     adaptsim pretrain --task glide.py --budget small         # in a folder with the page's glide.py and scene.xml
     python benchmarks/own_simulator.py glide.py [--worlds wd tilted] [--seeds 3] [--budget 8] [--methods ...]
+        [--out rows.jsonl] [--limit 900]
 
-Prints, for each way, the mean reward of its final policy over worlds and seeds by true rollouts in the world, and the
-rollouts that it simulated. The checkpoint is the newest one of the task. `scipy` is a script as a student would write
-it: least squares for the parameters, and a search among simulated actions.
+Prints, for each way and world, the mean reward of its final policy by true rollouts in the world, with the lowest and
+the highest of the seeds, and the rollouts that it simulated. Sessions that are in `--out` are not run again, and none
+begins after `--limit` seconds. The checkpoint is the newest one of the task. `scipy` and `mujoco-sysid` are a script as
+a student would write it: the parameters that fit all trajectories best, by `scipy.optimize.least_squares` or by
+`mujoco.sysid.optimize` (`pip install "mujoco[sysid]"`), and the best of 64 simulated actions there.
 """
 
 from __future__ import annotations
 
 import argparse
 import inspect
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from kept import Kept
 from scipy.optimize import least_squares
 
 from adaptsim_cli.bench.checkpoints import usual_checkpoint
@@ -26,32 +35,58 @@ from sim.adaptation.method import Iteration, Method, Particle, Simulating
 from sim.adaptation.methods import make_method
 from sim.lab.world import load_world
 from sim.research.benchmark.jobs import simulations
-from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session, udr_policies
+from sim.research.benchmark.sessions import Conditions, estimated_reward, mean_of, run_session, udr_policies
 from sim.research.benchmark.trial_sources import SimulatedTrials
 from sim.rollouts.draws import cover
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.kept import KeptRollouts
-from sim.rollouts.run import Requests
+from sim.rollouts.run import Requests, Rollouts
 from sim.tasks import task_of_file
 from sim.tasks.task import Executable, SolvedPolicy, Task
+from sim.types import Estimate
 
-SCIPY = "scipy"
-METHODS = ("udr", SCIPY, "direct", "random", "bo", "sysid-bayes", "adaptsim")
-JUDGED = 32
+Residuals = Callable[[Array], Array]
+"""Parameters (p,), normalised by their ranges -> residuals (r,)."""
+
+STEP, EVALUATIONS = 0.02, 20
+"""Step of a difference quotient, and most steps of a fit."""
+
+ACTIONS, JUDGED = 64, 32
+
+
+def scipy_fit(residuals: Residuals, start: Array) -> Array:
+    """The best parameters by scipy."""
+    return np.asarray(least_squares(residuals, start, bounds=(0, 1), diff_step=STEP, max_nfev=EVALUATIONS).x)
+
+
+def mujoco_fit(residuals: Residuals, start: Array) -> Array:
+    """The best parameters by MuJoCo's toolbox for system identification."""
+    from mujoco import sysid  # noqa: PLC0415 - only this way needs it
+
+    def residual(unit: Array, parameters: Any) -> tuple[list[Array], None, None]:
+        columns = [residuals(column) for column in unit.reshape(len(start), -1).T]
+        return [np.stack(columns, axis=-1) if unit.ndim == 2 else columns[0]], None, None
+
+    one = sysid.ParameterDict({"unit": sysid.Parameter("unit", start, np.zeros_like(start), np.ones_like(start))})
+    fit, _ = sysid.optimize(one, residual, verbose=False, max_iters=EVALUATIONS, eps=STEP)
+    return np.asarray(fit.as_vector())
+
+
+FITS = {"scipy": scipy_fit, "mujoco-sysid": mujoco_fit}
+METHODS = ("udr", *FITS, "direct", "random", "bo", "sysid-bayes", "adaptsim")
 
 
 @dataclass(frozen=True, eq=False)
 class ListedPolicy:
     """The simulated action that earns most in a context."""
 
-    task: Task
+    script: FittingScript
+    parameters: Array  # (p,)
     listed: Array  # (A, a)
-    ends: Array  # (A, k)
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a)"""
-        rewards = self.task.reward_of_success(self.ends[:, None], contexts[None])
-        return np.asarray(self.listed[rewards.argmax(axis=0)])
+        return self.listed[[int(self._rewards(context).argmax()) for context in contexts]]
 
     def __call__(self, context: Array) -> Array:
         """(c,) -> (a,)"""
@@ -59,15 +94,20 @@ class ListedPolicy:
 
     def predict(self, context: Array) -> tuple[float, float, float]:
         """The reward of the best action."""
-        best = float(self.task.reward_of_success(self.ends, context).max())
+        best = float(self._rewards(context).max())
         return best, best, best
 
+    def _rewards(self, context: Array) -> Array:
+        contexts = np.tile(context, (len(self.listed), 1))
+        rollouts = self.script.simulated(self.parameters, contexts, self.listed)
+        return rollouts.rewards(self.script.task, contexts)
 
-class ScipyMethod:
-    """A student's script: fit by `scipy.optimize.least_squares`, then the best of 64 simulated actions."""
 
-    def __init__(self, task: Task) -> None:
-        self.task, self.roll = task, KeptRollouts(task, serial_executor())
+class FittingScript:
+    """A student's script: fit the parameters to all trajectories, then take the best of the simulated actions."""
+
+    def __init__(self, task: Task, fit: Callable[[Residuals, Array], Array]) -> None:
+        self.task, self.fit, self.roll = task, fit, KeptRollouts(task, serial_executor())
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The middle of the ranges."""
@@ -76,59 +116,71 @@ class ScipyMethod:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The best fit to all trajectories."""
         trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
-        actions = np.array([trial.action for trial in trials])
+        contexts = np.stack([trial.context for trial in trials])
+        actions = np.stack([trial.action for trial in trials])
         observed = np.concatenate([trial.observation for trial in trials])
 
         def residuals(unit: Array) -> Array:
-            return np.asarray(
-                self.simulated(self.task.parameters.denormalise(unit), actions).observation.ravel() - observed
-            )
+            rollouts = self.simulated(self.task.parameters.denormalise(unit), contexts, actions)
+            return np.asarray(rollouts.observation.ravel() - observed)
 
-        fit = least_squares(
-            residuals, np.full(len(self.task.parameters), 0.5), bounds=(0, 1), diff_step=0.02, max_nfev=20
-        )
-        return (Particle(self.task.parameters.denormalise(fit.x)[None]),) * len(history[-1])
+        fit = self.fit(residuals, np.full(len(self.task.parameters), 0.5))
+        return (Particle(self.task.parameters.denormalise(fit)[None]),) * len(history[-1])
 
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """The best of 64 actions at these parameters."""
-        listed = cover(self.task.action, 64, np.random.default_rng(0))
-        return ListedPolicy(self.task, listed, self.simulated(particle.mean, listed).end_state)
+        """The best of the actions at these parameters."""
+        return ListedPolicy(self, particle.mean, cover(self.task.action, ACTIONS, np.random.default_rng(0)))
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """The policy of the last fit."""
         return self.policy(self.next(history, np.random.default_rng(0))[0], history)
 
-    def simulated(self, parameters: Array, actions: Array):  # type: ignore[no-untyped-def]
-        """Rollouts of actions (N, a) at parameters (p,)."""
+    def simulated(self, parameters: Array, contexts: Array, actions: Array) -> Rollouts:
+        """Rollouts of actions (N, a) at contexts (N, c) and parameters (p,). A context moves things only if the
+        simulation takes it.
+        """
         task, n = self.task, len(actions)
         reference = np.tile(np.asarray(task.reference_context), (n, 1))
-        return self.roll(
-            Requests(np.tile(parameters, (n, 1)), reference, actions, np.tile(task.nuisance.middle, (n, 1)))
-        )
+        where = contexts if task.relocate is None else reference
+        return self.roll(Requests(np.tile(parameters, (n, 1)), where, actions, np.tile(task.nuisance.middle, (n, 1))))
 
 
-def measured(
-    name: str, checkpoint: Checkpoint, world: str, seed: int, conditions: Conditions
-) -> tuple[float, float, int]:
-    """Rewards of the final policy and of that after the first iteration, and rollouts simulated for it."""
-    solver, task = checkpoint.solver, checkpoint.solver.task
+def session(name: str, checkpoint: Checkpoint, world: str, seed: int, conditions: Conditions) -> dict[str, Any]:
+    """One session: rewards of the policies after the first and the last iteration, and rollouts simulated for it."""
+    solver, task, began = checkpoint.solver, checkpoint.solver.task, time.perf_counter()
     source = SimulatedTrials(solver, load_world(world, task))
 
-    def score(policy: SolvedPolicy) -> float:
-        return estimated_reward(task, policy.actions, source, conditions, seed).mean
+    def score(policy: SolvedPolicy) -> Estimate:
+        return estimated_reward(task, policy.actions, source, conditions, seed)
 
+    rollouts = simulations(name, checkpoint) if name not in FITS else 0
     if name == "udr":
-        mean = float(np.mean([score(policy) for policy in udr_policies(solver, seed)]))
-        return mean, mean, simulations(name, checkpoint)
-    method: Method = ScipyMethod(task) if name == SCIPY else make_method(name, task, checkpoint)
-    first, *_, last = run_session(solver, method, source, conditions, seed)
-    if isinstance(method, ScipyMethod):
-        rollouts = method.roll.simulated
+        first = last = mean_of([score(policy) for policy in udr_policies(solver, seed)])
     else:
-        rollouts = method.rollouts.simulated if isinstance(method, Simulating) else simulations(name, checkpoint)
-    return score(last), score(first), rollouts
+        method: Method = FittingScript(task, FITS[name]) if name in FITS else make_method(name, task, checkpoint)
+        policies = run_session(solver, method, source, conditions, seed)
+        first, last = score(policies[0]), score(policies[-1])
+        if isinstance(method, FittingScript):
+            rollouts = method.roll.simulated
+        elif isinstance(method, Simulating):
+            rollouts = method.rollouts.simulated
+    return {
+        "first": first.mean,
+        "final": last.mean,
+        "ci95": [last.low, last.high],
+        "rollouts": rollouts,
+        "wall_s": round(time.perf_counter() - began, 1),
+    }
+
+
+def line(way: str, world: str, rows: Sequence[dict[str, Any]]) -> str:
+    """A row of the table."""
+    first, final, rollouts = (np.array([row[name] for row in rows]) for name in ("first", "final", "rollouts"))
+    spread = f"{final.min():.3f} to {final.max():.3f}"
+    mean = f"{first.mean():8.3f} {final.mean():8.3f}"
+    return f"{way:13} {world:10} {len(rows):5} {mean} {spread:>16} {rollouts.mean():10.0f}"
 
 
 def main() -> None:
@@ -139,18 +191,25 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=METHODS)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--budget", type=int, default=8)
+    parser.add_argument("--judged", type=int, default=JUDGED)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--limit", type=float, default=math.inf, help="seconds after which no session begins")
     asked = parser.parse_args()
-    task = task_of_file(asked.file)
+    began, task = time.perf_counter(), task_of_file(asked.file)
     checkpoint = load_checkpoint(task, usual_checkpoint(task))
-    conditions = Conditions(asked.budget, judged=JUDGED)
-    print(f"lines of the way `scipy`: {len(inspect.getsource(ScipyMethod).splitlines())}")
-    print(f"means of {asked.seeds} seeds; 'first': after one iteration, 'final': after {asked.budget} trials")
-    print(f"{'way':12} {'world':10} {'first':>8} {'final':>8} {'rollouts':>10}")
+    conditions, kept = Conditions(asked.budget, judged=asked.judged), Kept(asked.out)
+    print(f"lines of the student's script: {len(inspect.getsource(FittingScript).splitlines())}")
+    print(f"'first': after one iteration, 'final': after {asked.budget} trials; then lowest and highest of the seeds")
+    print(f"{'way':13} {'world':10} {'seeds':>5} {'first':>8} {'final':>8} {'seeds lie in':>16} {'rollouts':>10}")
     for name in asked.methods:
         for world in asked.worlds:
-            rows = np.array([measured(name, checkpoint, world, seed, conditions) for seed in range(asked.seeds)])
-            last, first, rollouts = rows.mean(axis=0)
-            print(f"{name:12} {world:10} {first:8.3f} {last:8.3f} {rollouts:10.0f}", flush=True)
+            rows = []
+            for seed in range(asked.seeds):
+                case = f"{task.name} {world} {name} {asked.budget} {asked.judged} {checkpoint.card.sha256[:12]}"
+                if kept.knows(case, seed) or time.perf_counter() - began < asked.limit:
+                    rows.append(kept.row(case, seed, partial(session, name, checkpoint, world, seed, conditions)))
+            if rows:
+                print(line(name, world, rows), flush=True)
 
 
 if __name__ == "__main__":

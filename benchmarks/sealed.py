@@ -51,10 +51,12 @@ def main() -> None:
     parser.add_argument("seal", type=Path)
     parser.add_argument("--command", required=True, help="the command that repeats the run")
     parser.add_argument("--note", default="", help="one sentence on the conditions")
+    parser.add_argument("--name", help="name of the stored file; by default TASK-RULE")
     wanted = parser.parse_args()
     result = {**stored(wanted.folder, wanted.seal), "command": wanted.command, "note": wanted.note}
     OUT.mkdir(parents=True, exist_ok=True)
-    with whole_file(OUT / f"{result['task']}-{result['rule']}.json") as temporary:
+    name = wanted.name or f"{result['task']}-{result['rule']}"
+    with whole_file(OUT / f"{name}.json") as temporary:
         temporary.write_text(json.dumps(result, indent=None) + "\n", encoding="utf-8")
     print(f"{result['worlds']} worlds of {result['task']}")
 

@@ -69,7 +69,7 @@ class ArmViews:
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ArmViews:
-        """The views `rows` alone."""
+        """Only the views `rows`."""
         q = None if self.q_rad is None else self.q_rad[rows]
         names = ("X_BF", "body", "camera", "posture")
         return replace(self, q_rad=q, **{name: getattr(self, name)[rows] for name in names})
@@ -151,7 +151,7 @@ class CondensedViews:
     common: Array  # (N, 6, 6) covariance of that twist by smooth errors of 1 px along an axis
 
     def take(self, rows: NDArray[np.bool_] | Rows) -> CondensedViews:
-        """The views `rows` alone."""
+        """Only the views `rows`."""
         return CondensedViews(self.X_CM[rows], self.information[rows], self.common[rows])
 
     def covariance(self, noise: ErrorSizes, GG: Array) -> Array:

@@ -130,7 +130,7 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     The plane is fitted with repeated trimming; objects may cover up to a third of the points.
     """
     if len(points_A_m) < 50:
-        return Check.unmeasured("table plane", f"{len(points_A_m)} depth points of the table, 50 are needed")
+        return Check.unmeasured("table plane", f"{len(points_A_m)} depth points of the table, but 50 are needed")
     keep = np.abs(points_A_m[:, 2] - np.median(points_A_m[:, 2])) < 0.03
     plane: Array = np.zeros(3)
     for _ in range(8):
@@ -181,7 +181,7 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     """Does the depth camera measure short or long, by the `depth_residuals` of several views?"""
     medians = np.array([np.median(r) for r in residuals_m if len(r) >= 30])
     if len(medians) < 3:
-        return Check.unmeasured("depth bias", f"{len(medians)} views with depth on the board, 3 are needed")
+        return Check.unmeasured("depth bias", f"{len(medians)} views with depth on the board, but 3 are needed")
     value = float(1e3 * np.median(medians))
     spread = float(1e3 * np.std(medians))
     message = (
@@ -204,7 +204,7 @@ def infrared_board(
     name = "colour-depth alignment"
     usable = [v for v in views if v.infrared is not None and len(v.infrared) >= 8 and v.name in set(solution.used)]
     if setup.infrared is None or setup.X_CD is None or len(usable) < 4:
-        return None, Check.unmeasured(name, f"{len(usable)} views show the board in infrared, 4 are needed")
+        return None, Check.unmeasured(name, f"{len(usable)} views show the board in infrared, but 4 are needed")
     sight = condense(
         [v.name for v in usable], [v.infrared for v in usable if v.infrared is not None], setup.board, setup.infrared
     )

@@ -45,7 +45,7 @@ def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Unk
     TooFewViews, UnusableViews.
     """
     if len(views) < MIN_VIEWS:
-        raise TooFewViews(f"{len(views)} views show the board, {MIN_VIEWS} are needed to detect a moved camera")
+        raise TooFewViews(f"{len(views)} views show the board, but {MIN_VIEWS} are needed to detect a moved camera")
     ordered = sorted(views, key=lambda view: view.name)
     sight = condense([v.name for v in ordered], [v.corners for v in ordered], setup.board, setup.colour)
     moved = motion_of(ordered, setup.mounting, forward)

@@ -158,7 +158,7 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
         return plain, None
     none = np.zeros(n)
     if len(data.agreeing) < MIN_TO_FREE:
-        reason = f"{len(data.agreeing)} views are too few to estimate joint offsets, {MIN_TO_FREE} are needed"
+        reason = f"{len(data.agreeing)} views are too few to estimate joint offsets; {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
         return plain, JointOffsets(none, unknown, False, none, np.nan, reason)
     free = data.fit(data.agreeing, plain.state, replace(plain.model, offsets=observable_joints(n)))

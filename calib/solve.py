@@ -74,7 +74,7 @@ class _Agreed:
 def _sorted(views: Sequence[View]) -> list[View]:
     """Sorted by name, so that the result does not depend on the order of the views, not even in the last digit."""
     if len(views) < MIN_VIEWS:
-        raise TooFewViews(f"{len(views)} views, at least {MIN_VIEWS} are needed and 20 are good: record more")
+        raise TooFewViews(f"{len(views)} views, but at least {MIN_VIEWS} are needed and 20 are good: record more")
     names = [view.name for view in views]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -94,7 +94,7 @@ def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[View
     good = [view for view in views if not reasons[view.name]]
     if len(good) < MIN_VIEWS:
         listing = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
-        raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({listing})")
+        raise TooFewViews(f"{len(good)} usable views, but at least {MIN_VIEWS} are needed and 20 are good ({listing})")
     return good, tuple(ViewFit(name=name, used=False, reason=reasons[name]) for name in bad)
 
 

@@ -40,7 +40,7 @@ def time_offset(
     order = np.argsort([t for t, _ in frames], kind="stable")
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
-        return Check.unmeasured(NAME, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed")
+        return Check.unmeasured(NAME, f"{len(usable)} frames of the motion show the board, but {MIN_FRAMES} are needed")
     arm_t_s, q_rad = np.asarray(arm_t_s), np.asarray(q_rad)
     grid = np.broadcast_to(setup.board.p_MK_m, (len(usable), setup.board.corners, 3))
 
@@ -60,7 +60,7 @@ def time_offset(
     for _ in range(8):
         r, slope, speed = _residual(usable, pixels, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
-            return Check.unmeasured(NAME, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed")
+            return Check.unmeasured(NAME, f"the board moved by {speed:.0f} px/s, but {MIN_SPEED_PX_S:.0f} are needed")
         step = -float(slope @ r) / float(slope @ slope)
         best += float(np.clip(step, -0.02, 0.02))
         sigma = float(np.sqrt(r @ r / (len(r) - 3) / (slope @ slope)))

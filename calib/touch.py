@@ -44,7 +44,7 @@ def pivot(X_AF: Array) -> Pivot:
     """Tip and point from flange poses (N, 4, 4), N >= 4. `sigma_m` is inf if their tilts do not differ."""
     n = len(X_AF)
     if n < MIN_TOUCHES:
-        raise ValueError(f"{n} touches, at least {MIN_TOUCHES} are needed")
+        raise ValueError(f"{n} touches, but at least {MIN_TOUCHES} are needed")
     A = np.concatenate([X_AF[:, :3, :3], np.broadcast_to(-np.eye(3), (n, 3, 3))], axis=2).reshape(-1, 6)
     b = -X_AF[:, :3, 3].reshape(-1)
     x, _, rank, _ = np.linalg.lstsq(A, b, rcond=1e-9)

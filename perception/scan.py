@@ -159,7 +159,8 @@ def _cells(scan: Scan, depth_m: Array32) -> tuple[Array, Array, Array]:
     if full.sum() < _FEWEST_CELLS:
         raise TableNotFound(
             f"only {full.sum()} of {h * w} parts of the picture show the table within {1e3 * _NEAR_M:.0f} mm of "
-            f"where the calibration puts it, {_FEWEST_CELLS} are needed; clear the table, or calibrate the camera again"
+            f"where the calibration puts it, but {_FEWEST_CELLS} are needed; clear the table, or "
+            "calibrate the camera again"
         )
     chosen = np.where(blocks[1][full], blocks[0][full], np.nan)
     rows, columns = (np.flatnonzero(full) // w, np.flatnonzero(full) % w)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -73,6 +74,23 @@ class Dimension:
         *before, last = self.plain_name.split()
         return " ".join((*before, self.label) if last == self.name else (*before, last, self.label))
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The words of a category, by index: `words`, or those that the meaning of a whole number explains, as in
+        `0 ellipsoid, 1 cylinder`. Empty for a number.
+        """
+        if self.words or self.scale != "integer":
+            return self.words
+        named = dict(re.findall(r"(\d+) (\w+)", self.meaning))
+        kinds = tuple(named[str(index)] for index in range(len(named)) if str(index) in named)
+        return kinds if len(kinds) > self.high else ()
+
+    def shares(self, values: Array, weights: Array | None = None) -> tuple[float, ...]:
+        """The share of each of the `kinds` among values (m,) with weights (m,); all the same by default."""
+        nearest = np.clip(np.rint(values), 0, len(self.kinds) - 1).astype(int)
+        counts = np.bincount(nearest, weights, minlength=len(self.kinds))
+        return tuple(float(one) for one in counts / counts.sum())
+
 
 class NamedValues:
     """The values of a space by name, in units: `p.mu`, a number or the word of a category."""
@@ -102,6 +120,11 @@ class Space:
         """`value` (n,) by name; a category is its word. Raises ValueError for another number of values."""
         pairs = zip(self.dimensions, value, strict=True)
         return NamedValues({d.name: d.words[round(float(v))] if d.words else float(v) for d, v in pairs})
+
+    def in_words(self, value: Array) -> str:
+        """`value` (n,) in a sentence: `mu = 0.1, ground = ice`."""
+        named = vars(self.named(value)).items()
+        return ", ".join(f"{name} = {one if isinstance(one, str) else f'{one:.4g}'}" for name, one in named)
 
     def columns(self, values: Array) -> dict[str, Array]:
         """`values` (..., n): name -> (...). Raises ValueError for another number of columns."""

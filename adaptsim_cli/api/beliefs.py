@@ -9,6 +9,7 @@ import numpy as np
 
 from adaptsim_cli.api.tables import Plot, data_frame, empty_figure, html_table
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen.views import chances_in_words
 from adaptsim_cli.session.hindsight import Hindsight
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
@@ -92,11 +93,20 @@ class SessionPosterior(Posterior):
         head = ["parameter", "unit", "mean", "5 %", "median", "95 %"]
         if self.is_collapsed:
             return f"<p>The posterior of {self.session} is {COLLAPSED} ({self.effective:.1f} effective samples).</p>"
-        body = [list(row.values()) for row in self.table()]
+        body = [self._in_words(index, row) for index, row in enumerate(self.table())]
         if self.truth is not None:
             head.append("truth")
-            body = [[*row, float(truth)] for row, truth in zip(body, self.truth, strict=True)]
+            pairs = zip(self.space.dimensions, self.truth, strict=True)
+            truths = [d.kinds[round(value)] if d.kinds else float(value) for d, value in pairs]
+            body = [[*row, truth] for row, truth in zip(body, truths, strict=True)]
         return f"<p>{self.session}: posterior after {self.trials} trials</p>{html_table(head, body)}"
+
+    def _in_words(self, index: int, row: dict[str, str | float]) -> list[str | float]:
+        """A row of the table; of a category, the chance of each word stands in place of the mean."""
+        chances, kinds = self.chances(index), self.space.dimensions[index].kinds
+        if chances is None:
+            return list(row.values())
+        return [row["parameter"], "", chances_in_words(kinds, chances), *([""] * (len(row) - 3))]
 
 
 def posterior_of(store: SessionStore, hindsight: Hindsight, iterations: int | None) -> SessionPosterior:
@@ -137,5 +147,5 @@ def _scaled(ax: Any, axis: str, d: Dimension, trained: Dimension) -> None:
     for end in (trained.low, trained.high):
         if d.low < end < d.high:
             (ax.axvline if axis == "x" else ax.axhline)(end, color="0.6", lw=0.8, ls=":")
-    if d.words:
-        getattr(ax, f"set_{axis}ticks")(range(len(d.words)), d.words)
+    if d.kinds:
+        getattr(ax, f"set_{axis}ticks")(range(len(d.kinds)), d.kinds)

@@ -138,7 +138,7 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         ),
     },
 }
-"""Every command, by the panel of the help that shows it, in this order: where it is, and its one sentence there."""
+"""Every command, by its panel of the help, in this order: its module and its sentence."""
 
 
 class _Program(CommandGroup):

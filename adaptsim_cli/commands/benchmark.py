@@ -24,7 +24,7 @@ def benchmark(
         typer.Option(
             "--targets",
             help="Worlds: names, files, or the sets develop, drawn, named and sealed.",
-            show_default="wd, ood-1 to ood-4; all of its worlds for a task without these",
+            show_default="wd and ood-1 to ood-4, or all worlds of a task without these",
         ),
     ] = "",
     methods: Annotated[

@@ -113,7 +113,7 @@ def solve(
     ] = False,
     exchange: Annotated[
         list[str] | None,
-        options.advanced("--exchange", "Two views with exchanged poses, as 25:26; repeatable."),
+        options.advanced("--exchange", "Two views with exchanged poses, as 25:26; may be repeated."),
     ] = None,
     shift: Annotated[
         int,
@@ -145,7 +145,9 @@ def together(
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
         list[str] | None,
-        options.advanced("--exchange", "A folder and two of its views with exchanged poses, as cam:25:26; repeatable."),
+        options.advanced(
+            "--exchange", "A folder and two of its views with exchanged poses, as cam:25:26; may be repeated."
+        ),
     ] = None,
 ) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.

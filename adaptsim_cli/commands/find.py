@@ -44,6 +44,6 @@ def find(screen: Screen, resolved: Resolved) -> Reply:
         if row["entry"]:
             text.append(views.indent(Text(f"Rig file: {row['entry']}")))
     if not any(row["device"] == reachable.PORT for row in rows):
-        text.append("No serial port of a USB device is plugged in.")
+        text.append("No USB device with a serial port is plugged in.")
     step = ("adaptsim setup --hw fr3", "writes the rig file; it offers these names")
     return Reply({"devices": rows}, text, [step])

@@ -126,11 +126,12 @@ HeldOut = Annotated[
     advanced("--held-out", "Fraction of the recorded trials held out for scoring, 0 to 0.9.", show_default="0.5"),
 ]
 Context = Annotated[
-    list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
+    list[str] | None,
+    typer.Option("--context", help="Context as name=value; may be repeated. Names: adaptsim lab list."),
 ]
 Action = Annotated[
     list[str] | None,
-    typer.Option("--action", help="Action as name=value, repeatable; names: adaptsim lab list."),
+    typer.Option("--action", help="Action as name=value; may be repeated. Names: adaptsim lab list."),
 ]
 
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
@@ -179,7 +180,7 @@ Control = Annotated[
     typer.Option(
         "--control",
         autocompletion=control_names,
-        help="Add blind control trials by a method's first policies, or a session's best.",
+        help="Add blind control trials by another method or session, e.g. udr.",
     ),
 ]
 Pairs = Annotated[

@@ -32,12 +32,14 @@ def own_object(
     resolved: Resolved,
     name: Annotated[str, typer.Argument(help="Name of the object; its file is NAME.toml in the current folder.")],
     ranges: Annotated[
-        _Ranges, typer.Option("--range", help="Range of a parameter as name=low:high, repeatable; names: lab list.")
+        _Ranges,
+        typer.Option("--range", help="Range of a parameter as name=low:high; may be repeated. Names: lab list."),
     ] = None,
-    sizes: Annotated[_Ranges, typer.Option("--size", help="Range of a size as name=low:high, repeatable.")] = None,
+    sizes: Annotated[_Ranges, typer.Option("--size", help="Range of a size as name=low:high; may be repeated.")] = None,
     mass: Annotated[float | None, typer.Option("--mass", help="What the object weighs, kg.", min=1e-4)] = None,
     effect: Annotated[
-        _Ranges, typer.Option("--effect", help="Effect of the scene as name=value, repeatable; names: a world's file.")
+        _Ranges,
+        typer.Option("--effect", help="Effect of the scene as name=value, as in a world's file; may be repeated."),
     ] = None,
     rollouts: Annotated[
         int | None,

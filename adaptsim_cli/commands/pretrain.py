@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _Solver = Annotated[
     str | None,
-    typer.Option("--solver", help="emulator (default), or naf: the paper's solver, on true rollouts alone."),
+    typer.Option("--solver", help="emulator (default), or naf: the paper's solver, on true rollouts only."),
 ]
 
 

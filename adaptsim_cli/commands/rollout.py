@@ -28,7 +28,7 @@ def rollout(
     action: options.Action = None,
     param: Annotated[
         list[str] | None,
-        typer.Option("--param", help="Parameter to train the policy for, as name=value, repeatable."),
+        typer.Option("--param", help="Parameter to train the policy for, as name=value; may be repeated."),
     ] = None,
     session: Annotated[
         str | None,

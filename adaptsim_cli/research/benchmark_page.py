@@ -97,7 +97,7 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
 
 
 def differences(methods: Sequence[MethodSummary]) -> str:
-    """Mean paired difference of each method to UDR, with its interval; far below, the number alone."""
+    """Mean paired difference of each method to UDR, with its interval; far below, only the number."""
     candidates = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
     rows = [(m, mean, ci) for m, mean, ci in candidates if mean is not None and ci is not None]
     height = 26.0 * len(rows)

@@ -52,7 +52,7 @@ class Seal:
             write_toml(self.path, {**stored, "commit": now, "opened": datetime.now(UTC).replace(microsecond=0)})
         elif stored["commit"] != now:
             raise UsageError(
-                f"the sealed worlds of seed {self.seed} were opened by version {stored['commit']}, this is {now}: "
+                f"the sealed worlds of seed {self.seed} were opened by version {stored['commit']}, but this is {now}: "
                 f"remove {self.path} to draw fresh ones, or go back to that version"
             )
 

@@ -1,13 +1,27 @@
-"""Loads a task by name or file, and checks what every task must keep."""
+"""Loads a task by name or file, and checks what every task must keep, in a process of its own."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import json
+import os
+import shlex
+import signal
+import subprocess
+import tempfile
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sim.rollouts.sampled_rollouts import Cost
+    from sim.errors import SimError
     from sim.tasks.task import Task
+
+_MODULE = "adaptsim_cli.research.task_examination"
+RESULT, RECORD = "result.json", "record.txt"
+"""The files of the other process: what it found, and the step that it is at."""
+
+_MORE, _MOST_S = 10.0, 3600.0
+"""How much more time a message offers, as a factor; most that the command takes."""
 
 
 def loaded(name_or_file: str) -> Task:
@@ -19,45 +33,63 @@ def loaded(name_or_file: str) -> Task:
 
 
 def checked(name_or_file: str, limit_s: float) -> dict[str, Any]:
-    """The findings about a task and the cost of a rollout, for JSON. A file that cannot be loaded raises TaskError."""
-    from contextlib import nullcontext
-    from pathlib import Path
+    """The findings about a task and the cost of a rollout, for JSON.
 
-    import numpy as np
+    Raises TaskError, UnknownName if it cannot be loaded; TaskError naming the line if its code hangs or crashes.
+    """
+    from hw.child import python_module
 
-    from sim.errors import SimError
-    from sim.own.watching import watched
-    from sim.rollouts.sampled_rollouts import TaskFinding
-    from sim.rollouts.soundness import examine
-    from sim.tasks.files import is_file
-
-    costs, findings = list[Any](), list[TaskFinding]()
-
-    def timed(cost: Cost) -> None:
-        costs.append(cost)
-
-    path = Path(name_or_file.partition(":")[0]).expanduser().absolute()
-    with watched(str(path)) if is_file(name_or_file) else nullcontext() as notes:
-        task = loaded(name_or_file)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        arguments = name_or_file, str(limit_s), name, str(os.getpid())
+        process = subprocess.Popen(  # its output is the task's own, so it goes to stderr
+            [*python_module(_MODULE), *arguments], stdin=subprocess.DEVNULL, stdout=2, start_new_session=True
+        )
         try:
-            findings += examine(task, np.random.default_rng(0), limit_s, timed)
-        except SimError as error:
-            findings.append(TaskFinding("every rollout can be simulated", "broken", str(error)))
-    if notes is not None:
-        asides = [*notes.sentences()]
-        findings += [TaskFinding(f"the file {what}", "doubtful", sentence) for what, sentence in asides]
-        if not asides:
-            findings.append(TaskFinding("the file neither prints, nor sleeps, nor starts a process", "kept"))
-    cost = costs[0] if costs else None
-    return {
-        "task": task.name,
-        "file": None if task.file is None else task.file.path,
-        "sound": all(one.mark != "broken" for one in findings),
-        "findings": [asdict(one) for one in findings],
-        "rollouts": 0 if cost is None else cost.rollouts,
-        "median_s": None if cost is None else cost.median_s,
-        "longest_s": None if cost is None else cost.longest_s,
-    }
+            _wait_without_reaping(process)
+        finally:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)  # with everything that it started
+            status = process.wait()
+        if not (folder / RESULT).exists():
+            raise _early_end(name_or_file, folder / RECORD, status, limit_s)
+        answer: dict[str, Any] = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    if "error" in answer:
+        import sim.errors
+
+        raise getattr(sim.errors, answer["error"])(answer["message"])
+    return answer
+
+
+def _wait_without_reaping(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the end. Until it is reaped, its number, which is that of its group, belongs to no other process."""
+    if hasattr(os, "waitid"):
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+    else:
+        process.wait()
+
+
+def _early_end(name_or_file: str, record: Path, status: int, limit_s: float) -> SimError:
+    from sim.errors import TaskError
+    from sim.own.silence import ending
+    from sim.tasks.files import is_file, registered
+
+    entry = registered().get(name_or_file)
+    path = entry.file if entry is not None else name_or_file.partition(":")[0]
+    is_declared = entry is not None or is_file(name_or_file)
+    file = str(Path(path).expanduser().absolute()) if is_declared else f"the task {name_or_file}"
+    if not record.exists():
+        return TaskError(f"{file}: the process of the check ended before it began ({status}): run the command again")
+    end = ending(record, file, status)
+    where = f"{file}, line {end.line}" if end.line is not None else file
+    if end.timed_out:
+        more_s = min(_MOST_S, max(_MORE * limit_s, 4.0 * end.limit_s))
+        again = f"adaptsim task check {shlex.quote(name_or_file)} --limit {more_s:g}"
+        return TaskError(
+            f"{where}: {end.step} has not ended after {end.limit_s:g} s. Correct this line; if it only needs more "
+            f"time: {again}"
+        )
+    return TaskError(f"{where}: {end.step} ended the process ({end.cause}): correct this line")
 
 
 def described(task: Task) -> dict[str, Any]:

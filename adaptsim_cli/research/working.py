@@ -58,7 +58,7 @@ def complete(share: Share, contents: str, folder: Path) -> Reply:
 
 @contextmanager
 def working_in(folder: Path, busy: str, share: Share | None = None) -> Iterator[None]:
-    """Inside, this process alone writes into `folder`, or its own files beside those of other shares.
+    """Inside, only this process writes into `folder`, or its own files beside those of other shares.
 
     An interruption says how to continue. Raises SessionError with the sentence `busy`, which holds {} for the folder,
     if another process is there.

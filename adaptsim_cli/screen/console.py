@@ -81,7 +81,7 @@ class Screen:
         self._listeners.append(listener)
 
     def tell_listeners(self, text: str) -> None:
-        """A line for the listeners alone."""
+        """A line only for the listeners."""
         for listener in self._listeners:
             listener.noted(text)
 
@@ -91,7 +91,7 @@ class Screen:
 
     @property
     def as_json(self) -> bool:
-        """Whether stdout is for JSON alone."""
+        """Whether stdout is only for JSON."""
         return self._as_json
 
     @property

@@ -143,18 +143,33 @@ def words(name: str) -> str:
 
 def value_in_words(dimension: Dimension, value: float) -> str:
     """A value with its unit; the word of a category, the nearest one for a mean."""
-    if dimension.words:
-        return dimension.words[min(max(round(value), 0), len(dimension.words) - 1)]
-    kind = kind_in_words(dimension.meaning, value) if dimension.scale == "integer" else ""
-    return kind or quantity(value, dimension.unit)
+    if kinds := dimension.kinds:
+        return kinds[min(max(round(value), 0), len(kinds) - 1)]
+    return quantity(value, dimension.unit)
 
 
-def kind_in_words(meaning: str, value: float) -> str:
-    """The word for a whole number that the `meaning` of a parameter explains, as in `0 ellipsoid, 1 cylinder`; "" if
-    there is none.
-    """
-    named: dict[str, str] = dict(re.findall(r"(\d+) (\w+)", meaning))
-    return named.get(str(round(value)), "") if value == round(value) else ""
+def chances_in_words(kinds: Sequence[str], chances: Sequence[float]) -> str:
+    """The chances of the words of a category, the likeliest first: `ice 71 %, wood 29 %`; a certain one alone."""
+    likely = sorted(zip(chances, kinds, strict=True), key=lambda pair: -pair[0])
+    texts = [f"{kind} {100 * chance:.0f} %" for chance, kind in likely if chance >= LEAST_SHOWN]
+    return likely[0][1] if likely[0][0] > 1.0 - LEAST_SHOWN else ", ".join(texts)
+
+
+LEAST_SHOWN = 0.005
+"""A smaller chance reads 0 %."""
+
+
+def sampled_in_words(dimension: Dimension, values: Array) -> str:
+    """The mean of samples (m,) with its unit; for a category, the share of each word."""
+    if kinds := dimension.kinds:
+        return chances_in_words(kinds, dimension.shares(values))
+    return quantity(float(np.mean(values)), dimension.unit)
+
+
+def sampled(space: Space, samples: Array) -> str:
+    """Samples (m, n) of a space in words: the plain name of each quantity with its mean, or the share of each word."""
+    columns = zip(space.dimensions, np.transpose(samples), strict=True)
+    return ", ".join(f"{d.plain_name} {sampled_in_words(d, column)}" for d, column in columns)
 
 
 def values(space: Space, point: Array) -> str:
@@ -164,14 +179,8 @@ def values(space: Space, point: Array) -> str:
 
 def kinds(dimension: Dimension) -> str:
     """The range of a quantity with its unit, or the words of a category."""
-    if dimension.words:
-        return ", ".join(dimension.words)
-    if dimension.scale == "integer":
-        named = [
-            kind_in_words(dimension.meaning, value) for value in range(round(dimension.low), round(dimension.high) + 1)
-        ]
-        if all(named):
-            return ", ".join(named)
+    if dimension.kinds:
+        return ", ".join(dimension.kinds[round(dimension.low) : round(dimension.high) + 1])
     return f"{number(dimension.low)} to {number(dimension.high)} {dimension.unit}".rstrip()
 
 

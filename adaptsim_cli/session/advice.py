@@ -53,7 +53,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
     `first` names the things to check if no action works (`check_first`); empty: those of a rig.
     """
     if verdict.kind is Kind.TOO_FEW:
-        return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
+        return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, but at least {LEAST_TRIALS} are needed."
     kind = "predicted" if verdict.has_forecast else "estimated"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
@@ -61,9 +61,9 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
         rank = verdict.rank_correlation
         order = "all alike" if rank is None else f"in no better order (rank correlation {signed(rank)})"
         sentences.append(
-            f"From the second iteration on many of them missed, by {verdict.prediction_error:.2f} in the root mean "
-            f"square; the mean of the rewards would do no worse, and they were {order}. Another iteration would rest "
-            "on them: find the cause first, or measure the best policy itself."
+            f"From the second iteration on, they missed by {verdict.prediction_error:.2f} (root mean square), so "
+            f"the mean of the rewards would do no worse, and they were {order}. Another iteration would rest on them: "
+            "find the cause first, or measure the best policy itself."
         )
     if Reason.FAILURES in verdict.reasons:
         sentences.append("The latest trials all failed.")
@@ -75,8 +75,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
         )
     if verdict.is_inexpressible:
         sentences.append(
-            f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories are "
-            "unlike all that it predicts with parameters in its ranges."
+            f"No parameters in the ranges explain this {object_name}: {verdict.strange} of {verdict.trials} "
+            "trajectories are unlike all that the simulator predicts with them."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:

@@ -194,14 +194,18 @@ def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
     beliefs = list[ParameterBelief]()
     for store in stores:
         try:
-            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED).T.tolist()
-        except CollapsedPosterior:
-            levels = [(None, None, None)] * len(store.facts.parameters)
+            posterior = Hindsight.of(store).posterior(store)
         except SimError:
             continue
-        for d, (low, median, high) in zip(store.facts.parameters, levels, strict=True):
+        try:
+            levels = posterior.quantiles(BELIEVED).T.tolist()
+        except CollapsedPosterior:
+            levels = [(None, None, None)] * len(store.facts.parameters)
+        for index, (d, (low, median, high)) in enumerate(zip(posterior.space.dimensions, levels, strict=True)):
             named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
-            beliefs.append(ParameterBelief(**named, low=low, median=median, high=high))
+            chances = posterior.chances(index)
+            by_word = None if chances is None else dict(zip(d.kinds, chances, strict=True))
+            beliefs.append(ParameterBelief(**named, low=low, median=median, high=high, chances=by_word))
     return tuple(beliefs)
 
 

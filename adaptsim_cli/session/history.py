@@ -87,8 +87,8 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
 
 
 def left_s(store: SessionStore, stage: RunTrial) -> float:
-    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
-    or the one before; 0 without any.
+    """How long the rest of the iteration takes without the answers, if its trials take as long as those of this one or
+    of the one before; 0 without any.
     """
     trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
     took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]

@@ -139,7 +139,7 @@ def _own_target(
             raise UsageError(f"--answer-with {PERSON}: a person answers at a terminal; leave out --yes")
         if kind_of(config.method).needs_whole:
             raise UsageError(
-                f"--method {config.method} needs every moment of a trial, and a person may report its end alone: "
+                f"--method {config.method} needs every moment of a trial, and a person may report only its end: "
                 "adapt with adaptsim, or have a program report whole trajectories"
             )
         answerer = TypedAnswers(screen, task)

@@ -306,7 +306,7 @@ class RigTarget:
     def _behind(
         self, planned: RigPlan, filmed: Sequence[Frame], played: Execution | None
     ) -> tuple[Future[recording.PartialRecording], Future[ObjectTrack] | None]:
-        """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
+        """While the arm goes back, compress and decode every frame, encode the recording, and track the object in it.
 
         `filmed` are on the camera's clock; those of the simulated lab may still be rendering. `played` is None if the
         arm stopped during the motion: then nothing is tracked.

@@ -102,7 +102,9 @@ def run_session(
         near = did_you_mean(name, folders.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
     if earlier is not None and earlier.facts.method == ROLLOUT:
-        raise UsageError(f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task alone")
+        raise UsageError(
+            f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task without --session"
+        )
     config = _continued(requested_config, earlier, request) if earlier else requested_config
     if not request.yes:
         console.require_terminal(console.NO_TERMINAL if config.is_simulated else NO_CONSENT)
@@ -183,7 +185,7 @@ def _drawn_anew(
 
 
 def _meant(root: Path, config: Config, request: SessionRequest) -> str:
-    """The name of the session: as given, else that of the settings with a task, else the newest one.
+    """The name of the session: the given one, else that of the settings with a task, else the newest.
 
     Raises UsageError if neither a task nor a session is named and there is none, or some other setting is given.
     """

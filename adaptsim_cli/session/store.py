@@ -352,7 +352,7 @@ def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def readable(root: Path, name: str) -> AbstractContextManager[SessionStore]:
-    """The session `name` of any format, for reading alone. One of an earlier format is read from a copy elsewhere.
+    """The session `name` of any format, only for reading. One of an earlier format is read from a copy elsewhere.
 
     Raises SessionError, UsageError.
     """

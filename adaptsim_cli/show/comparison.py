@@ -14,6 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.screen.svg import plain
+from adaptsim_cli.screen.views import chances_in_words
 from adaptsim_cli.session.advice import check_first, in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.history import results_of, trials_of
@@ -189,9 +190,11 @@ def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
 
 
 def within(belief: ParameterBelief) -> str:
-    """The interval of a belief, with its unit; if there is none, the reason."""
+    """The interval of a belief with its unit, or the chances of a category; if there is none, the reason."""
     if belief.low is None or belief.high is None:
         return COLLAPSED
+    if belief.chances is not None:
+        return chances_in_words([*belief.chances], [*belief.chances.values()])
     return f"{plain(belief.low)} to {plain(belief.high)} {belief.unit}".rstrip()
 
 
@@ -216,7 +219,11 @@ def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
 
 
 def _gap(a: ParameterBelief, b: ParameterBelief) -> float:
-    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing."""
+    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing. Of a
+    category: the share of belief that the two do not have in common, negative up to 90 %.
+    """
+    if a.chances is not None and b.chances is not None:
+        return 0.1 - sum(min(chance, b.chances.get(kind, 0.0)) for kind, chance in a.chances.items())
     if a.low is None or a.high is None or b.low is None or b.high is None:
         return -1.0
     return max(a.low - b.high, b.low - a.high)

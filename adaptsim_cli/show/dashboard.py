@@ -95,7 +95,7 @@ def _state(root: Path) -> object:
 
 
 def _version(folder: Path) -> object:
-    """Another value once a trial, a result, a report, a note or a correction was written."""
+    """A value that changes once a trial, a result, a report, a note or a correction was written."""
     parts = (log.FILE, ABOUT, REPORT)
     return tuple(version_of(path) for path in (*(folder / name for name in parts), *sorted(folder.glob("iteration-*"))))
 

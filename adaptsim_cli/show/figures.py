@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from adaptsim_cli.screen.outputs.learning import RevealedParameter
 from adaptsim_cli.screen.svg import Canvas, Scale, plain
-from adaptsim_cli.screen.views import between
+from adaptsim_cli.screen.views import LEAST_SHOWN, between
 from adaptsim_cli.session.judgement import Prediction
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from adaptsim_cli.show.truth_view import positions
@@ -23,6 +23,9 @@ WIDE, NARROW = 760.0, 400.0
 LEVELS = (0.05, 0.25, 0.75, 0.95)
 """Quantiles of a posterior: the ends of the pale and of the strong band."""
 
+
+TICK = 10
+"""Most letters of a word beside an axis."""
 
 ROOM_PX = 26.0
 """Room for the number of an iteration below a figure."""
@@ -85,26 +88,32 @@ def parameter(
     paths: Sequence[Sequence[float]],
     posteriors: Sequence[Posterior] = (),
     index: int = 0,
+    kinds: Sequence[str] = (),
 ) -> str:
     """The mean of one parameter for every particle against iterations, within its range.
 
     Bands show the posterior by the trajectories known at that time; for an integer parameter, the size of a circle
-    shows the probability of a value. `index` is the parameter's index in the posteriors.
+    shows the probability of a value. `index` is the parameter's index in the posteriors. `kinds` are the words of a
+    category.
     """
+
+    def name(value: float) -> str:
+        return kinds[round(value)] if kinds else f"{plain(value)} {dimension.unit}".rstrip()
+
     canvas = Canvas(360, 190, f"{dimension.name} over the iterations")
-    left, right, top, bottom = 52.0, 350.0, 12.0, 158.0
+    left, right, top, bottom = 74.0 if kinds else 52.0, 350.0, 12.0, 158.0
     low, high = _seen(dimension, posteriors, index)
     y = Scale(low, high, bottom - 8, top + 8, log=dimension.scale == "log")
     canvas.rect(left, y(dimension.high), right - left, y(dimension.low) - y(dimension.high), "range", 4)
     whole = dimension.scale == "integer"
     for tick in range(round(low), round(high) + 1) if whole else y.ticks(4):
         canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, plain(tick), anchor="end")
+        canvas.text(left - 6, y(tick) + 4, name(tick)[:TICK] if kinds else plain(tick), anchor="end")
     count = max(*(len(path) for path in paths), len(posteriors))
     x = Scale(0.0, max(count - 1.0, 1.0), left + 22, right - 22)
     half = min(14.0, 0.45 * (right - left - 44.0) / max(count - 1, 1))  # neighbouring bands do not overlap
     for i, posterior in enumerate(posteriors):
-        _belief(canvas, posterior, index, x(i), y, half, whole=whole)
+        _belief(canvas, posterior, index, x(i), y, half, name if whole else None)
     every = _every(count, right - left)
     for i in range(count):
         last = i == count - 1 and count > 1
@@ -115,7 +124,7 @@ def parameter(
         points = [(x(i), y(value) + nudge) for i, value in enumerate(path)]
         canvas.curve(points, f"curve c{particle}")
         for (px, py), value in zip(points, path, strict=True):
-            canvas.dot(px, py, 4, f"dot c{particle}", f"particle {particle + 1}: {plain(value)} {dimension.unit}")
+            canvas.dot(px, py, 4, f"dot c{particle}", f"particle {particle + 1}: {name(value)}")
     return canvas.svg()
 
 
@@ -128,13 +137,22 @@ def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: in
     )
 
 
-def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale, half: float, *, whole: bool) -> None:
-    if whole:
+def _belief(
+    canvas: Canvas,
+    posterior: Posterior,
+    index: int,
+    x: float,
+    y: Scale,
+    half: float,
+    name: Callable[[float], str] | None,
+) -> None:
+    """`name` is that of a whole number; None for other numbers."""
+    if name is not None:
         for value in np.unique(posterior.samples[:, index]):
             share = float(posterior.weights[posterior.samples[:, index] == value].sum())
             if share > 0.005 and y.low <= value <= y.high:
                 radius = min(16.0, 1.2 * half) * share**0.5
-                canvas.dot(x, y(value), radius, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
+                canvas.dot(x, y(value), radius, "likely", f"{name(float(value))}: {100 * share:.0f} %")
         return
     if posterior.is_collapsed:
         at = min(max(float(posterior.mean[index]), y.low), y.high)
@@ -149,6 +167,9 @@ def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale
 def truth(one: RevealedParameter) -> str:
     """A parameter's range of training as a field, the belief of the session as a bar, the truth as a dot."""
     canvas = Canvas(220, 22, f"{one.plain_name}: truth, range and belief")
+    if one.kinds:
+        _kinds(canvas, one)
+        return canvas.svg()
     ends = [one.low, one.high, one.truth, *(one.believed or ())]
     at = [8.0 + x for x in positions(one, ends, 204)]
     canvas.rect(at[0], 4, at[1] - at[0], 14, "range", 3, "range of training")
@@ -156,6 +177,20 @@ def truth(one: RevealedParameter) -> str:
         canvas.rect(at[3], 7, max(at[5] - at[3], 2.0), 8, "likely", 3, "belief, 90 %")
     canvas.dot(at[2], 11, 4.5, "dot c2", "truth")
     return canvas.svg()
+
+
+def _kinds(canvas: Canvas, one: RevealedParameter) -> None:
+    """A place for each word: a field if training had it, a circle as large as its chance, a dot at the truth."""
+    room = 204.0 / len(one.kinds)
+    for index, kind in enumerate(one.kinds):
+        left = 8.0 + index * room
+        if one.low <= index <= one.high:
+            canvas.rect(left + 1, 4, room - 2, 14, "range", 3, kind)
+        chance = 0.0 if one.chances is None else one.chances[index]
+        if chance >= LEAST_SHOWN:
+            canvas.dot(left + room / 2, 11, 9.0 * chance**0.5, "likely", f"{kind}: {100 * chance:.0f} %")
+        if index == round(one.truth):
+            canvas.dot(left + room / 2, 11, 4.5, "dot c2", f"truth: {kind}")
 
 
 @dataclass(frozen=True)

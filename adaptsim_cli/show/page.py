@@ -12,7 +12,7 @@ import numpy as np
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
 from adaptsim_cli.screen.outputs.trials import ForecastRecord
-from adaptsim_cli.screen.views import predicted_between, quantity, value_in_words
+from adaptsim_cli.screen.views import predicted_between, quantity, sampled_in_words, value_in_words
 from adaptsim_cli.session.advice import (
     best_in_words,
     check_first,
@@ -39,6 +39,7 @@ from adaptsim_cli.show.agreement import agreement
 from adaptsim_cli.show.figures import NARROW, WIDE, Level
 from adaptsim_cli.show.truth_view import UdrReward
 from adaptsim_cli.storage import durable
+from hw.types import Array
 from sim.adaptation.method import FAILED
 from sim.adaptation.stages import Role
 from sim.tasks import known_task
@@ -155,7 +156,7 @@ def render(
         if trials
         else "",
         figure_parameters=[
-            (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index))
+            (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index, d.kinds))
             for index, (d, record, paths) in enumerate(
                 zip(_described(facts, facts.parameters), facts.parameters, means_of(store, results).T, strict=True)
             )
@@ -277,8 +278,8 @@ def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) 
 
 def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]) -> IterationView:
     parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
-    now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
-    then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
+    now = [_sampled(parameters, particle.samples) for particle in particles_of(store, iteration)]
+    then = [_sampled(parameters, np.array(samples)) for samples in result.next_particles] if result else []
     pairs = tuple(zip(now, then or [""] * len(now), strict=True))
     trials = tuple(reversed(store.played(iteration)))
     rejected = tuple(
@@ -310,6 +311,12 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
     each = (f"{d.plain_name} {value_in_words(d, v)}" for d, v in zip(dimensions, values, strict=True))
+    return ", ".join(text.replace(" ", NO_BREAK) for text in each)
+
+
+def _sampled(dimensions: Sequence[Dimension], samples: Array) -> str:
+    """Plain name and mean of each quantity over samples (m, n), or the share of each word of a category."""
+    each = (f"{d.plain_name} {sampled_in_words(d, column)}" for d, column in zip(dimensions, samples.T, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 

@@ -1,4 +1,4 @@
-"""The server of all pages, on this computer alone: contents and server-sent events go out, nothing comes in.
+"""The server of all pages, only on this computer: contents and server-sent events go out, nothing comes in.
 
 A running command has a `Page` of its own; the dashboard (`dashboard.py`) is the site around it.
 """
@@ -55,7 +55,7 @@ def event(state: bytes) -> bytes:
 
 
 class LocalServer:
-    """Serves a site on this computer alone. It only reads: every request except GET is refused."""
+    """Serves a site only on this computer. It only reads: every request except GET is refused."""
 
     def __init__(self, site: Site, port: int | None = None) -> None:
         self._site, self._wanted = site, port

@@ -53,7 +53,8 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
         return None
     try:
         task, world = checkpoint.solver.task, load_world(facts.world, checkpoint.solver.task)
-        believed = _levels(posterior())
+        final = posterior()
+        believed = _levels(final)
         udr = _udr_rewards(checkpoint, world)
     except SimError:
         return None
@@ -66,9 +67,12 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
         parameters=[
             RevealedParameter(
                 name=d.name, plain_name=d.plain_name, unit=d.unit, meaning=d.meaning, scale=d.scale,
-                truth=float(truth), low=d.low, high=d.high, believed=ends,
+                truth=float(truth), low=d.low, high=d.high, believed=ends, kinds=[*d.kinds],
+                chances=None if (chances := final.chances(index)) is None else [*chances],
             )
-            for d, truth, ends in zip(task.parameters.dimensions, world.parameters, believed, strict=True)
+            for index, (d, truth, ends) in enumerate(
+                zip(task.parameters.dimensions, world.parameters, believed, strict=True)
+            )
         ],
         unmodelled=_unmodelled(world),
         trials=len(trials),

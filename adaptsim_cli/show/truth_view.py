@@ -23,15 +23,26 @@ FINEST = 200
 """Steps of a parameter's scale: an exact belief that ends within one of them from the truth holds it."""
 
 
+LEAST_CHANCE = 0.05
+"""A belief that gives a true word less than this misses it."""
+
+
 def in_plain_units(one: RevealedParameter, value: float) -> str:
     """A value as people say it: `cylinder`, `20 kPa`, `−0.9 mm`."""
     if one.scale == "integer":
-        return views.kind_in_words(one.meaning, round(value)) or str(round(value))
+        return one.kinds[round(value)] if one.kinds else str(round(value))
     return views.quantity(value, one.unit)
 
 
 def row(one: RevealedParameter) -> tuple[str, str, str, str]:
-    """Plain name, truth, range of training and belief. A unit that all values share is written behind the name."""
+    """Plain name, truth, range of training and belief. A unit that all values share is written behind the name; the
+    belief about a category is the chance of each word.
+    """
+    if one.kinds:
+        trained = one.kinds[round(one.low) : round(one.high) + 1]
+        word = one.kinds[round(one.truth)]
+        belief = "no interval" if one.chances is None else views.chances_in_words(one.kinds, one.chances)
+        return one.plain_name, word + ("" if word in trained else " *"), ", ".join(trained), belief
     values = [one.truth, one.low, one.high, *((one.believed[0], one.believed[2]) if one.believed else ())]
     texts = [in_plain_units(one, value) for value in values]
     units, name = {text.partition(" ")[2] for text in texts}, one.plain_name
@@ -124,6 +135,8 @@ def misses_in_words(shown: Revealed) -> str:
 
 def _holds(one: RevealedParameter) -> bool:
     assert one.believed is not None, "only parameters with an interval are asked about"
+    if one.chances is not None:
+        return one.chances[round(one.truth)] >= LEAST_CHANCE
     if one.scale == "integer":
         return one.believed[0] <= one.truth <= one.believed[2]
     *_, truth, low, _, high = positions(one, [one.low, one.high, one.truth, *one.believed], FINEST)
@@ -137,7 +150,11 @@ def listed(names: Sequence[str]) -> str:
 
 
 def chart(one: RevealedParameter) -> str:
-    """The range of training between bars, the belief as a thick line, the truth as a dot, on one scale."""
+    """The range of training between bars, the belief as a thick line, the truth as a dot, on one scale. Words have
+    none.
+    """
+    if one.kinds:
+        return ""
     ends = [one.low, one.high, one.truth, *(one.believed or ())]
     at = positions(one, ends, CHART - 1)
     cells = [" "] * CHART

@@ -148,7 +148,7 @@ def _posed(view: View, other: View) -> View:
 
 @dataclass(frozen=True, eq=False)
 class _Crossed:
-    """Every picture under every pose."""
+    """The fit of every picture with every pose."""
 
     views: Sequence[View]
     observations: Observations
@@ -367,7 +367,7 @@ def _parts(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iter
 def _other_mounting(
     views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> Fault | None:
-    """The fault that the camera is on the wrist although declared fixed, or the other way round, if it is one."""
+    """The fault of a wrong mounting in setup.toml (fixed instead of wrist, or the other way round), if there is one."""
     other = Mounting.WRIST if setup.mounting is Mounting.FIXED else Mounting.FIXED
     try:
         other_solution, _ = solve_any_size(

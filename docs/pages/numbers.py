@@ -21,6 +21,7 @@ from adaptsim_cli.bench.rig_file.description import PersonPart
 from hw import braking, stopping, watchdog
 from pages import ROOT
 from pages.sealed import sealed_entry, sealed_summary
+from sim.research.benchmark.strata import ALL
 
 SESSIONS, STOPS = ROOT / "docs/results/sessions.csv", ROOT / "docs/results/motion.md"
 FILLED = re.compile(r"(?P<old>[+−-]?\w[\w.-]*)(?P<share> %)?<!--= (?P<expression>.*?) -->")
@@ -124,15 +125,17 @@ def least_world(part: str) -> str:
     return min(gains(part), key=gains(part).__getitem__)
 
 
-def sealed(name: str, entry: str = "adaptsim", *, end: int = 0) -> float:
-    """Mean reward in a sealed benchmark, such as `pushing-drawn`; `end` −1 and 1: the ends of its 95 % interval."""
-    one = sealed_entry(name, entry)
+def sealed(name: str, entry: str = "adaptsim", *, stratum: str = ALL, end: int = 0) -> float:
+    """Mean reward in a sealed benchmark, such as `pushing-drawn`, in all worlds, those `in need` or the `others`; `end`
+    −1 and 1: the ends of its 95 % interval.
+    """
+    one = sealed_entry(name, entry, stratum)
     return one.ci95[end > 0] if end else one.reward
 
 
-def sealed_lead(name: str, entry: str, *, end: int = 0) -> float:
-    """What `adaptsim` earns more in a sealed benchmark, paired by world; `end` as of `sealed`."""
-    one = sealed_entry(name, entry)
+def sealed_lead(name: str, entry: str, *, stratum: str = ALL, end: int = 0) -> float:
+    """What `adaptsim` earns more in a sealed benchmark, paired by world; `stratum` and `end` as of `sealed`."""
+    one = sealed_entry(name, entry, stratum)
     return one.behind_ci95[end > 0] if end else one.behind
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pages import ROOT
 from sim.research.benchmark.jobs import BenchmarkRow
-from sim.research.benchmark.strata import NEED, STRATA, SealedSummary, StratumSummary, by_strata
+from sim.research.benchmark.strata import ALL, NEED, STRATA, SealedSummary, StratumSummary, by_strata
 
 RESULTS = ROOT / "docs/results"
 STORED, OWN, SESSIONS = RESULTS / "sealed", RESULTS / "own-actions.json", RESULTS / "sessions.csv"
@@ -73,6 +73,9 @@ SETS = {
     "foods-drawn": "scooping, 40 drawn foods",
 }
 
+SEALED_SETS = ("pendulum-drawn", "pushing-drawn")
+"""The stored sealed benchmarks that name the worth of an own action."""
+
 PLACES = {"omega": "in Ω", "beyond": "in the margin beyond Ω"}
 
 OWN_TAIL = """
@@ -124,7 +127,7 @@ def own_actions() -> str:
             f"| {task}, {PLACES[place]} | {one['fixed']:.3f} | {one['own']:.3f} | {worth:.3f} | "
             f"{one['in_need']} of {one['truths']} |\n"
         )
-    return text + "\n" + "\n".join(_drawn_sets()) + "\n" + OWN_TAIL
+    return text + "\n" + "\n".join([*_drawn_sets(), "", *_sealed_worths()]) + "\n" + OWN_TAIL
 
 
 @cache
@@ -140,19 +143,19 @@ def sealed_summary(name: str) -> tuple[dict[str, Any], SealedSummary]:
     return stored, summary
 
 
-def sealed_entry(name: str, entry: str) -> StratumSummary:
-    """An entry of a stored benchmark in all its worlds."""
+def sealed_entry(name: str, entry: str, stratum: str = ALL) -> StratumSummary:
+    """An entry of a stored benchmark, in all its worlds or in one stratum."""
     _, summary = sealed_summary(name)
-    return next(one for one in summary.strata if (one.stratum, one.entry) == (STRATA[0], entry))
+    return next(one for one in summary.strata if (one.stratum, one.entry) == (stratum, entry))
 
 
 def _benchmark(name: str) -> Iterator[str]:
     stored, summary = sealed_summary(name)
-    yield f"## {stored['task'].capitalize()}"
+    yield f"## {stored['task'].capitalize()}, {stored['trials']} trials"
     yield ""
     yield (
         f"Seed {stored['seed']}, rule `{stored['rule']}`, drawn {stored['drawn']}, opened {stored['opened']} by commit "
-        f"`{stored['commit'][:8]}`. {stored['note']} Sessions of {stored['trials']} trials."
+        f"`{stored['commit'][:8]}`. {stored['note']}"
     )
     yield ""
     yield f"    {stored['command']}"
@@ -160,18 +163,17 @@ def _benchmark(name: str) -> Iterator[str]:
     yield from _in_short(summary)
     for stratum in STRATA:
         ones = [one for one in summary.strata if one.stratum == stratum]
-        if ones and (stratum == STRATA[0] or ones[0].worlds < len(summary.worth)):
+        if ones and (stratum == ALL or ones[0].worlds < len(summary.worth)):
             yield from _stratum(stratum, ones)
 
 
 def _in_short(summary: SealedSummary) -> Iterator[str]:
     total = len(summary.worth)
-    mean = float(np.mean([value for _, value in summary.worth]))
     yield (
-        f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {mean:.3f} on average over "
-        f"the best fixed rule, `{summary.fixed_rule}`."
+        f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {_mean_worth(summary):.3f} "
+        f"on average over the best fixed rule, `{summary.fixed_rule}`."
     )
-    ones = [one for one in summary.strata if one.stratum == STRATA[0] and one.entry != "adaptsim"]
+    ones = [one for one in summary.strata if one.stratum == ALL and one.entry != "adaptsim"]
     level = [f"`{one.entry}`" for one in ones if one.behind_ci95[0] <= 0.0 <= one.behind_ci95[1]]
     ahead = [f"`{one.entry}`" for one in ones if one.behind_ci95[1] < 0.0]
     yield f"No difference to `adaptsim` is shown for {', '.join(level) or 'any entry'}."
@@ -226,6 +228,21 @@ def _drawn_sets() -> Iterator[str]:
             f"| {title} | {udr.mean():.3f} | {limit.mean():.3f} | {(limit - udr).mean():.3f} | {need.sum()} of "
             f"{len(worlds)} | {_signed(gain[need].mean())} | {_signed(gain[~need].mean())} |"
         )
+
+
+def _sealed_worths() -> Iterator[str]:
+    yield "In the [sealed worlds](sealed.md), the worth is that over the best fixed rule:"
+    yield ""
+    for name in SEALED_SETS:
+        stored, summary = sealed_summary(name)
+        yield (
+            f"* {stored['task']}: {_mean_worth(summary):.3f} with `{summary.fixed_rule}`; {len(summary.need)} of "
+            f"{len(summary.worth)} worlds are in need"
+        )
+
+
+def _mean_worth(summary: SealedSummary) -> float:
+    return float(np.mean([worth for _, worth in summary.worth]))
 
 
 def _signed(value: float) -> str:

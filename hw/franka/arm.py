@@ -66,8 +66,8 @@ class FrankaArm:
         ):
             if np.abs(np.subtract(by_cell, by_settings)).max() > 1e-9:
                 raise ValueError(
-                    f"the workcell has the {cell.arm.name} stop by itself at {_listed(by_cell)} {unit}, its settings "
-                    f"at {_listed(by_settings)} {unit}: give both the same"
+                    f"by the workcell the {cell.arm.name} stops by itself at {_listed(by_cell)} {unit}, but by its "
+                    f"settings at {_listed(by_settings)} {unit}: give both the same"
                 )
         self._cell, self._model, self._start, self._pedal = cell, cell.arm.name, start, pedal
         self._now_s = now_s

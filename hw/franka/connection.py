@@ -150,7 +150,10 @@ class Connection:
         return True
 
     def interruption(self, checked_s: float, state: SdkState | None = None) -> str:
-        """Why a motion that was checked then (arm's clock) may not begin, or ""; `state` is that of its first cycle."""
+        """Why a motion that was checked at this time of the arm's clock may not begin, or "".
+
+        `state` is that of its first cycle.
+        """
         if state is not None:
             self._states.note(state)
         return self._states.since(checked_s)

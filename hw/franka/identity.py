@@ -45,7 +45,7 @@ class ArmReport:
 
 @dataclass(frozen=True)
 class Identity:
-    """The model of an arm as told from its report; None: it cannot be told."""
+    """The model of an arm by its own report; None if it is not recognised."""
 
     model: str | None
     why: str

@@ -40,8 +40,8 @@ def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck) 
     if np.abs(off).max() > START_TOLERANCE_RAD:
         joint = int(np.abs(off).argmax())
         raise MotionRefused(
-            f"{model}: distance from the arm's commanded position of joint {joint + 1} is "
-            f"{abs(off[joint]):.4g} rad, limit {START_TOLERANCE_RAD:g} rad; nothing has moved, plan from there"
+            f"{model}: joint {joint + 1} starts {abs(off[joint]):.4g} rad from the position that the arm "
+            f"commands, limit {START_TOLERANCE_RAD:g} rad; nothing has moved, plan from there"
         )
     u = np.minimum(path.t_s / min(FADE_S, path.duration_s), 1.0)
     left = 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)

@@ -70,15 +70,15 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
     at = np.rint(stops.at_s[finite] * PATH_RATE_HZ)
     if not finite[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
         raise MotionRefused(
-            f"{limits.model}: at some moments no stop along the path keeps the limits within "
-            f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
+            f"{limits.model}: from some moments, no stop that begins within {2e3 * STOPS_EVERY_S:.0f} ms keeps all "
+            "limits; slow the path down"
         )
     return PlayableMotion(path, at, stops.duration_s[finite], stops.path_time_s[finite], limits.joints)
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """The log of a motion: commanded and measured, up to standstill or to the fault that ended it."""
+    """The log of a motion, up to standstill or to the fault that ended it: commanded and measured values."""
 
     t_s: Array  # (M,) the arm's clock since its first cycle
     clock_s: Array  # (M,) the computer's clock when each cycle was answered

@@ -176,7 +176,7 @@ class Sole:
 
 
 def sole(host: str, within_s: float = HANDOVER_S) -> Sole:
-    """The arm at `host` for this process alone, among those of this computer, whatever spelling names its address.
+    """Reserves the arm at `host` for this process on this computer, however its address is spelled.
 
     A Unix socket for every address; its name goes with its process, however that ends. Raises DeviceUnavailable.
     """

@@ -174,7 +174,7 @@ Inspection = tuple[Reading, Rhythm, tuple[str, ...]]
 
 @contextmanager
 def _at_rest(model: str, settings: FrankaSettings, realtime: bool) -> Iterator[PlayerProcess]:
-    """A player for questions alone. Raises DeviceUnavailable, also for a Failure within."""
+    """A player only for questions. Raises DeviceUnavailable, also for a Failure within."""
     player: PlayerProcess | None = None
     try:
         player = PlayerProcess(model, settings, Timing(realtime=realtime))

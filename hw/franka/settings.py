@@ -107,7 +107,7 @@ class FrankaSettings:
         """Raises ValueError naming the setting."""
         if not self.host.strip() or any(c.isspace() or c in "/:" for c in self.host):
             raise ValueError(
-                f"address of the arm {self.host!r}: give the name or IP address alone, without https:// or a port, "
+                f"address of the arm {self.host!r}: give only the name or IP address, without https:// or a port, "
                 "for example 172.16.0.2"
             )
         _positive(self, "joint_impedance_Nm_rad", 7, np.full(7, STIFFEST_NM_RAD))

@@ -80,8 +80,8 @@ def installed(package: Package) -> str:
         raise DeviceUnavailable(f"the driver {package.name} is not installed; run: {package.install}") from None
     if version != package.version:
         raise DeviceUnavailable(
-            f"the driver {package.name} {version} is installed, tested is {package.version} "
-            f"(libfranka {package.libfranka}); run: {package.install}"
+            f"the driver {package.name} {version} is installed, but {package.version} "
+            f"(libfranka {package.libfranka}) was tested; run: {package.install}"
         )
     return version
 

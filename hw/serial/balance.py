@@ -40,7 +40,7 @@ def sbi_mass_kg(answer: bytes) -> float:
     text = answer.decode("ascii", "replace").rstrip("\r\n")
     if len(text) != 14 or text[0] not in "+- ":
         raise BalanceError(
-            f"the balance answered {text!r}, which is not SBI with 16 characters: set its interface to that"
+            f"the balance answered {text!r}, which is not SBI: set its interface to SBI with 16 characters"
         )
     value, unit = text[1:10].strip(), text[11:14].strip()
     if value in ("H", "L"):

@@ -203,7 +203,7 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
                     f" {board.dictionary}: use that board, or state yours"
                 )
     raise BoardNotFound(
-        f"{markers} of the board's {board.markers} markers can be read, {_MIN_MARKERS} are needed:"
+        f"{markers} of the board's {board.markers} markers can be read, but {_MIN_MARKERS} are needed:"
         " the board is out of the image, too far, blurred, too dark or overexposed"
     )
 
@@ -251,8 +251,8 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
         ids, px = _without_strays(ids, px, board, camera)
     if len(ids) < board.least:
         raise BoardNotFound(
-            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, {board.least} are needed: show "
-            "more of the board, bring it closer, and keep it still"
+            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, but {board.least} are needed: "
+            "show more of the board, bring it closer, and keep it still"
         )
     return Corners(ids, px)
 

@@ -1,4 +1,4 @@
-"""Least squares by Levenberg and Marquardt, with differences for derivatives: from several starts at once, or with few
+"""Least squares by Levenberg and Marquardt, with finite differences. It runs from several starts at once, or with few
 evaluations. Pure.
 """
 

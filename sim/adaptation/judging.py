@@ -159,7 +159,7 @@ def verdict_of(
 
 
 def _quality(history: Sequence[Iteration]) -> PredictionQuality | None:
-    """The quality of the predictions that knew a trial: from the second iteration on."""
+    """The quality of the predictions from the second iteration on, which rest on at least one trial."""
     trials = [trial for iteration in history[1:] for entry in iteration for trial in entry.trials]
     latest = sum(len(entry.trials) for entry in history[-1])
     return prediction_quality(np.array([t.predicted for t in trials]), np.array([t.reward for t in trials]), latest)

@@ -96,6 +96,11 @@ class Posterior:
         columns = zip(self.samples.T, self._order.T, strict=True)
         return np.stack([_quantiles(column[order], self.weights[order], levels) for column, order in columns], axis=-1)
 
+    def chances(self, index: int) -> tuple[float, ...] | None:
+        """The probability of each word of a parameter; None if it is a number, or if `is_collapsed`."""
+        d = self.space.dimensions[index]
+        return d.shares(self.samples[:, index], self.weights) if d.kinds and not self.is_collapsed else None
+
     @cached_property
     def _order(self) -> NDArray[np.intp]:
         return np.argsort(self.samples, axis=0)

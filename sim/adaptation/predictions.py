@@ -35,9 +35,10 @@ STILL = 0.1
 """If the errors of the latest iteration are below this, the predictions have recovered."""
 
 STAKES, DEAREST = (0.5, 0.95), 6.0
-"""Shares of the largest possible bet at stake, each with half of the capital: the larger one finds trials that all
-fail, the smaller one a mixture. And the limit of that bet, so that predictions near 0 or 1 are not refuted by a small
-error.
+"""Shares of the largest possible bet at stake, each with half of the capital, and the limit of that bet.
+
+The larger share finds trials that all fail, the smaller one a mixture. The limit keeps a small error from refuting
+predictions near 0 or 1.
 """
 
 TOO_HIGH, TOO_LOW, DISORDERED = 0.6, 0.15, 0.25

@@ -71,5 +71,5 @@ class Verdict(Record):
 
     @property
     def is_inexpressible(self) -> bool:
-        """Whether the simulator cannot express the object."""
+        """Whether no parameters in the ranges explain the object."""
         return Reason.INEXPRESSIBLE in self.reasons

@@ -229,7 +229,7 @@ class _Sdf:
                 _add(element, "drake:controller_gains", p=repr(gains.p), d=repr(gains.d))
 
     def _keep_apart(self) -> None:
-        """Let the tool's shapes that ride through the table do so."""
+        """Exclude contact between the table and those shapes of the tool that pass through it."""
         names = {self._plant.GetBodyFromFrameId(self._inspector.GetFrameId(g)).name() for g in self._through}
         riding, under = ("riding", [f"{TOOL}::{name}" for name in sorted(names)]), ("under", [f"{TABLE}::{TABLE}"])
         for (name, members), (other, _) in ((riding, under), (under, riding)) if names else ():

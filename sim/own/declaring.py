@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import math
+import unicodedata
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any
@@ -64,6 +65,11 @@ def require_name(where: str, name: Any) -> None:
     """Raises TaskError unless a name can stand after a dot: `p.mu`."""
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
         raise TaskError(f"{where}: the name {name!r} must be a word of letters, digits and _ that can follow a dot")
+    if (plain := unicodedata.normalize("NFKC", name)) != name:
+        raise TaskError(
+            f"{where}: Python reads the letters of this name as others, {plain!a} for {name!a}: choose plain letters, "
+            "as in mu"
+        )
 
 
 def require_apart(groups: Mapping[str, Sequence[str]]) -> None:

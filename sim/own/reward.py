@@ -128,7 +128,8 @@ def reward_of(function: Any, path: str, names: tuple[str, ...], ends: Space | No
     single = one.unclipped(end, contexts)
     if not np.isfinite(single).all():
         bad = int(np.argmin(np.isfinite(single)))
-        raise TaskError(f"reward returns {single[bad]} for the end {dict(zip(names, end[bad].round(4), strict=True))}")
+        values = dict(zip(names, end[bad].round(4).tolist(), strict=True))
+        raise TaskError(f"reward returns {single[bad]:g} for the end {values}: it must be a number from 0 to 1")
     try:
         stacked = Reward(function, path, names, context, takes, stacks=True)
         both = stacked.unclipped(end.reshape(2, 4, -1), contexts.reshape(2, 4, -1))
@@ -150,7 +151,7 @@ class OutcomeInWords:
         try:
             return next((word for word, holds in self.conditions.items() if holds is None or holds(values)), "other")
         except (Exception, SystemExit) as error:  # the user's code may raise anything
-            raise TaskError(f"{line_of(error, self.end.path)}: a condition of outcomes {raises(error)}") from error
+            raise TaskError(f"{line_of(error, self.end.path)}: a condition in `outcomes` {raises(error)}") from error
 
 
 def conditions_of(declared: Any) -> Mapping[str, Any] | None:

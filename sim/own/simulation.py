@@ -20,6 +20,9 @@ from sim.types import Space
 ROLES = {"p": "p", "params": "p", "parameters": "p", "context": "context", "action": "action", "policy": "policy"}
 """Name of an argument of the user's function -> its role."""
 
+MOST_TIMES = 200_000
+"""Of a rollout: more than any observation needs, and hundreds of them still fit into memory."""
+
 _NO_TOOL = np.full(3, np.nan)
 
 
@@ -29,7 +32,7 @@ def roles_of(function: Callable[..., Any]) -> tuple[str, ...]:
     needed = [name for name, one in inputs.items() if one.default is inspect.Parameter.empty]
     if named := [name for name in needed if inputs[name].kind is inspect.Parameter.KEYWORD_ONLY]:
         raise TaskError(
-            f"the function {function.__name__} takes {', '.join(named)} by keyword alone: leave out the * before it"
+            f"the function {function.__name__} takes {', '.join(named)} only by keyword: leave out the * before it"
         )
     unknown = [name for name in needed if name not in ROLES]
     roles = tuple(ROLES[name] for name in needed if name in ROLES)
@@ -125,6 +128,10 @@ class Simulation:
             rows = rows[:, None]
         if t_s.ndim != 1 or len(t_s) == 0:
             raise self._wrong(f"returns times of shape {t_s.shape}: it must be a list of times in s")
+        if len(t_s) > MOST_TIMES:
+            raise self._wrong(
+                f"returns {len(t_s):,} times: at most {MOST_TIMES:,} are kept; leave out rows, as states[::10]"
+            )
         if rows.shape != (len(t_s), len(self.state)):
             raise self._wrong(
                 f"returns states of shape {rows.shape} for {len(t_s)} times: the shape must be "
@@ -147,6 +154,8 @@ class Simulation:
         return ObjectTrack(t_s, rows, Outcome.SETTLED, _NO_TOOL, np.ones(len(t_s)))
 
     def _numbers(self, what: str, value: Any) -> Array:
+        if np.iscomplexobj(value):
+            raise self._wrong(f"returns {what} that are complex numbers: take their real part, if that is meant")
         try:
             return np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:

@@ -166,7 +166,7 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
             low=frozen_array(state.low),
             high=frozen_array(state.high),
             noise_mean=frozen_array(np.zeros(len(state))),
-            noise_std=frozen_array(numbers_of("noise", arguments["noise"], state.names)),
+            noise_std=frozen_array(_noise(arguments["noise"], state)),
             curves=tuple(d.label for d in state.dimensions),
         ),
         adaptation=AdaptationSettings(
@@ -200,6 +200,18 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
         outcome_in_words=None if conditions is None else sent("outcome_in_words", OutcomeInWords(conditions, end)),
         **training_of(name, roles, arguments),
     )
+
+
+def _noise(declared: Any, state: Space) -> Array:
+    """Standard deviation of each state. Raises TaskError for one beyond its range, which would hide everything."""
+    noise = numbers_of("noise", declared, state.names)
+    for d, std in zip(state.dimensions, noise, strict=True):
+        if std > d.high - d.low:
+            raise TaskError(
+                f"noise[{d.name!r}] = {std:g}: it is wider than the whole range of this state, {d.low:g} to "
+                f"{d.high:g}; both must have the same unit"
+            )
+    return noise
 
 
 def has_ended(track: Any) -> bool:

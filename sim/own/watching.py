@@ -1,4 +1,4 @@
-"""Notices whether the code of a task's file does more than compute: whether it prints, sleeps, or starts processes."""
+"""Notices whether the code of a task's file does more than compute: prints, sleeps, reads the clock, and more."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LONGEST_S = 0.05
 
 @dataclass(frozen=True)
 class Watched:
-    """The lines of a file that did more than compute."""
+    """The lines of a task file that printed, slept or started a process."""
 
     path: str
     lines: dict[str, list[int]] = field(default_factory=dict)  # what -> lines
@@ -42,6 +42,9 @@ class Watched:
 PRINTS = "prints"
 SLEEPS = "sleeps"
 STARTS = "starts a process"
+READS_CLOCK = "reads the clock"
+MOVES = "changes the current folder"
+_CLOCKS = ("time", "time_ns", "monotonic", "perf_counter")
 
 
 @contextmanager
@@ -66,22 +69,22 @@ def watched(path: str) -> Iterator[Watched]:
             seconds = min(seconds, _LONGEST_S)
         _original(seconds)
 
-    def starting(original: Callable[..., Any]) -> Callable[..., Any]:
-        def started(*arguments: Any, **options: Any) -> Any:
+    def noting(what: str, original: Callable[..., Any]) -> Callable[..., Any]:
+        def noted(*arguments: Any, **options: Any) -> Any:
             if sys._getframe(1).f_code.co_filename == path:
-                notes.note(STARTS)
+                notes.note(what)
             return original(*arguments, **options)
 
-        return started
+        return noted
 
     confine(path)
-    starts = {name: starting(getattr(subprocess, name)) for name in ("run", "check_output", "call", "check_call")}
+    starts = {name: noting(STARTS, getattr(subprocess, name)) for name in ("run", "check_output", "call", "check_call")}
     with (
         patched(builtins, {"print": printing}),
-        patched(time, {"sleep": sleep}),
+        patched(time, {"sleep": sleep, **{name: noting(READS_CLOCK, getattr(time, name)) for name in _CLOCKS}}),
         patched(subprocess, starts),
-        patched(subprocess.Popen, {"__init__": starting(subprocess.Popen.__init__)}),
-        patched(os, {"system": starting(os.system)}),
+        patched(subprocess.Popen, {"__init__": noting(STARTS, subprocess.Popen.__init__)}),
+        patched(os, {"system": noting(STARTS, os.system), "chdir": noting(MOVES, os.chdir)}),
         redirect_stdout(Aside()),
     ):
         yield notes

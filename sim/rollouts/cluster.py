@@ -146,7 +146,7 @@ class _DaskExecutor(Executor):
         that is left would compute other numbers.
         """
         if kwargs:
-            raise TypeError("a call on a cluster takes positional arguments alone")
+            raise TypeError("a call on a cluster takes only positional arguments")
         local: Future[Any] = Future()
         self._send(local, fn, args)
         return local

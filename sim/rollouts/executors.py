@@ -67,8 +67,9 @@ class _FreshContext(SpawnContext):
 
 
 def _is_guarded(file: str | None) -> bool:
-    """Whether a worker may import a script, which is so only if the script compares its name. Without a file nothing is
-    imported.
+    """Whether a worker may import a script: only a script that compares its name may be imported.
+
+    Without a file nothing is imported.
     """
     try:
         return file is None or bool(_GUARD.search(Path(file).read_text(encoding="utf-8", errors="replace")))

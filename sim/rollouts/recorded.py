@@ -81,7 +81,7 @@ class RecordedTrials:
         return np.fromiter(rows, dtype=np.intp, count=len(actions))
 
     def some(self, rows: NDArray[np.int_]) -> RecordedTrials:
-        """The trials of these rows alone."""
+        """Only the trials of these rows."""
         contexts = None if self.contexts is None else self.contexts[rows]
         names, tracks = tuple(self.names[i] for i in rows), tuple(self.tracks[i] for i in rows)
         return replace(self, names=names, contexts=contexts, actions=self.actions[rows], tracks=tracks)
@@ -132,8 +132,8 @@ class RecordedTrials:
             raise RecordingsRefused(f"trial {name}: {error}; are its columns in the task's units?") from error
         if len(track.t_s) and abs(track.t_s[0]) > NEAR_S:
             raise RecordingsRefused(
-                f"trial {name}: its first sample is at {track.t_s[0]:.6g} s, and time 0 is the start of the motion, "
-                f"{NEAR_S:g} s before or after at most: subtract the start of the motion from the clock"
+                f"trial {name}: its first sample is at {track.t_s[0]:.6g} s, but must lie within {NEAR_S:g} s of "
+                "time 0, the start of the motion: subtract the start of the motion from the clock"
             )
         if len(track.t_s) < 2 or (np.diff(track.t_s) <= 0.0).any():
             after = next((float(t) for t, step in zip(track.t_s, np.diff(track.t_s), strict=False) if step <= 0.0), 0.0)

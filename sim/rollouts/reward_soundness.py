@@ -14,6 +14,9 @@ from sim.tasks.task import Task
 _ENDS = 512
 """Ends of trials at which a reward is tried."""
 
+_CONTEXTS = 16
+"""Contexts at which the reward of an end is compared."""
+
 
 def _unclipped(task: Task, end: Array, context: Array) -> Array:
     """The reward as the user's function returns it: a task of a file counts less than 0 as 0."""
@@ -38,6 +41,13 @@ def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[s
                 yield f"the reward of one trial of {task.name} has the shape {reward.shape}: it must be one number"
                 return
             value = float(reward.reshape(-1)[0])
+            again = float(np.asarray(_unclipped(task, end, one.context)).reshape(-1)[0])
+            if not np.array_equal(value, again, equal_nan=True):
+                yield (
+                    f"the reward of {task.name} is {value:.4g}, and the second time {again:.4g} for the same end and "
+                    "context: it may use nothing else, and no random numbers"
+                )
+                return
         except SimError:
             raise
         except Exception as error:  # noqa: BLE001 - a task of another package may raise anything
@@ -68,6 +78,13 @@ def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[st
             f"`reward_of_success` of {task.name} gives the shape {stacked.shape} for ends of shape "
             f"{(3, 2, len(end))}: it must give {(3, 2)}"
         )
+
+
+def reward_knows(task: Task, ends: Array, rng: np.random.Generator) -> bool:
+    """Whether the context changes the reward of any of the ends (N, k)."""
+    contexts = task.context.sample(rng, _CONTEXTS)
+    rewards = np.stack([task.reward_of_success(ends, np.tile(context, (len(ends), 1))) for context in contexts])
+    return bool((np.ptp(rewards, axis=0) > 0.0).any())
 
 
 def reward_tells(task: Task, rolls: Sequence[SampledRollout], rng: np.random.Generator) -> Iterator[TaskFinding]:

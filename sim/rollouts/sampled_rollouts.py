@@ -18,8 +18,11 @@ from sim.tasks.task import Task
 Mark = Literal["kept", "doubtful", "broken"]
 
 
-SPREAD, MOST = 24, 512
-"""Rollouts all over the ranges, besides those at their ends; the most, if they are quick."""
+SPREAD, MOST, LEAST = 24, 512, 8
+"""Rollouts all over the ranges, besides those at their ends; the most if they are quick, the least if they are slow."""
+
+MOST_NUMBERS = 10_000_000
+"""Numbers in the states of all these rollouts, which stay in memory."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,9 @@ class Cost:
 
 
 def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[SampledRollout], int]:
-    """Rollouts one at a time: the first at the middle, then each quantity at its ends, then everywhere; and the number
-    of those at the ends.
+    """Simulate rollouts: the first at the middle, then each quantity at its ends, then everywhere.
+
+    Returns them, and the number of those up to the last end.
     """
     spaces = (task.margin, task.context, task.action, task.nuisance)
     middle = [np.asarray(space.middle) for space in spaces]
@@ -77,13 +81,14 @@ def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tu
     spread = zip(*(space.spread(part) for space, part in zip(spaces, parts, strict=True)), strict=True)
     points += [tuple(np.asarray(v, dtype=np.float64) for v in row) for row in spread]
     order = [0, *_interleaved(range(1, at_ends), range(at_ends, len(points)))]
-    rolls, spent = dict[int, SampledRollout](), 0.0
+    rolls, spent, numbers = dict[int, SampledRollout](), 0.0, 0
     for number in order:
         enough = len(rolls) >= at_ends + SPREAD and spent > limit_s / 4
-        if enough or (spent > limit_s and len(rolls) >= 8):
+        if enough or ((spent > limit_s or numbers > MOST_NUMBERS) and len(rolls) >= LEAST):
             break
         rolls[number] = rolled(task, *points[number])
         spent += rolls[number].seconds
+        numbers += rolls[number].track.state.size
     return [rolls[number] for number in sorted(rolls)], sum(number < at_ends for number in rolls)
 
 
@@ -118,9 +123,5 @@ def rolled(task: Task, parameters: Array, context: Array, action: Array, nuisanc
 
 def described(task: Task, one: SampledRollout) -> str:
     """The inputs of a rollout by name."""
-    pairs = (
-        f"{name} = {value:.4g}"
-        for space, values in ((task.parameters, one.parameters), (task.context, one.context), (task.action, one.action))
-        for name, value in zip(space.names, values, strict=True)
-    )
-    return ", ".join(pairs)
+    spaces = (task.parameters, one.parameters), (task.context, one.context), (task.action, one.action)
+    return ", ".join(space.in_words(values) for space, values in spaces if len(space))

@@ -18,7 +18,7 @@ import numpy as np
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RolloutError
 from sim.rollouts.draws import cover
-from sim.rollouts.reward_soundness import reward_complaints, reward_tells
+from sim.rollouts.reward_soundness import reward_complaints, reward_knows, reward_tells
 from sim.rollouts.sampled_rollouts import Cost, SampledRollout, TaskFinding, described, rolled, sampled_rollouts
 from sim.tasks.declared import require_declared
 from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
@@ -34,6 +34,9 @@ SAME = 0.02
 
 TOO_WIDE, TOO_NARROW = 200.0, 20.0
 """A range that is so many times wider than all observed values has another unit; one so much narrower too."""
+
+TOO_LATE = 100.0
+"""A rollout that ends so many times later than the last observed moment has its times in another unit."""
 
 _SAMPLES = 16
 """Draws of parameters for the training of the one policy of a check."""
@@ -178,6 +181,17 @@ def _moments(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
             f"the last observed moment of {task.name} is {last_s:g} s, and the longest rollout ends at {longest_s:.3g} "
             "s: the observed times must lie within the rollouts"
         )
+    if longest_s > TOO_LATE * last_s:
+        yield (
+            f"the last observed moment of {task.name} is {last_s:g} s, and a rollout ends at {longest_s:.4g} s: times "
+            "are in s"
+        )
+    first_s, latest_s = float(task.observation.times_s[0]), max(float(one.track.t_s[0]) for one in rolls)
+    if latest_s > first_s + 0.1 * last_s:
+        yield (
+            f"the first observed moment of {task.name} is {first_s:g} s, and a rollout begins at {latest_s:.4g} s: its "
+            "times must begin at 0, or its moments there"
+        )
 
 
 def _units(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[TaskFinding]:
@@ -275,6 +289,10 @@ def _contexts(
             pairs, apart = pairs + 1, apart + bool(difference.max() > SAME)
             if difference.max() > off_by:
                 off_by, worst = float(difference.max()), (context, int(difference.argmax()), true, here)
+    ends = [np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None]
+    if moved == 0.0 and ends and not reward_knows(task, np.stack(ends), rng):
+        detail = f"{', '.join(task.context.names)} changes neither the motion nor the reward: is it used?"
+        yield TaskFinding("contexts matter", "doubtful", detail)
     if task.relocate is None:
         silent = "" if moved > 0.0 else "no context changes the motion: leave it out of the function's arguments"
         yield TaskFinding("contexts change the motion", "doubtful" if silent else "kept", silent)

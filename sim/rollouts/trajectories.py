@@ -205,7 +205,7 @@ def _never_moved(task: Task, track: ObjectTrack, context: Array | None, action: 
 
 
 def _wrong_way(task: Task, track: ObjectTrack, context: Array | None, action: Array) -> str:
-    """Of a trajectory that is its start and its end alone; whole ones are compared in `sim.solvers.readings`."""
+    """For a trajectory that has only a start and an end; whole ones are compared in `sim.solvers.readings`."""
     columns = list(task.observation.columns)
     if len(track.t_s) != 2 or len(columns) != 2 or track.outcome is Outcome.LOST:
         return ""

@@ -44,7 +44,7 @@ def first_executable(
             return frozen_array(actions[i])
     if attempts is None:
         raise NotExecutable(
-            f"none of the {len(actions)} listed actions is left that can be executed for context "
+            f"none of the {len(actions)} listed actions can still be executed for context "
             f"{np.round(context, 4)}: end the session here, or list more actions"
         )
     raise NotExecutable(
@@ -85,7 +85,7 @@ class CandidatePolicy(ABC):
         return False
 
     def ranked(self, context: Array) -> tuple[Array, Array]:
-        """The actions to choose from at `context` (c,), and the values by which: the refined ones come first."""
+        """The actions to choose from at `context` (c,) and their values; the refined ones come first."""
         everywhere = self.everywhere(context)
         worth = self.worth(everywhere, context)
         preference = self._preference(everywhere.actions, worth, everywhere, worth)

@@ -1,14 +1,16 @@
 """The exact solver of a task whose rollouts are cheap, and too irregular for an emulator.
 
 It answers with true rollouts at a grid of parameters that fills the margin: any parameters count as the nearest point
-of the grid. Where the context moves things, a point has a context too. Each pair of a point and an action is simulated
-once, when it is first asked for. Name it as `Task.exact`.
+of the grid. Where the context moves things, a point has a context too. The nuisance counts as the nearest of a few
+draws. Each triple of a point, an action and a draw is simulated once: before a session, or when it is first asked for.
+Name it as `Task.exact`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.errors import CheckpointError
-from sim.rollouts.draws import cover, physical_contexts, sobol, varies
+from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
@@ -28,10 +30,13 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 GRID, ACTIONS = 64, 64
-"""Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""
+"""Points of the grid, and actions that policies choose among: 4096 rollouts for each draw of the nuisance."""
 
 MOVED_GRID = 256
 """Points of a grid over parameters and contexts together."""
+
+NUISANCES = 4
+"""Draws that stand for the nuisance of a task that has one."""
 
 PROBES = 8
 """Actions by which the error of the grid is measured."""
@@ -75,6 +80,7 @@ class GridSolver(FromOutcomes):
     points: Array  # (K, p) the grid, in units
     contexts: Array  # (K, c) in which each point is simulated
     probes: Array  # (P, a) actions by which the error of the grid is measured
+    draws: Array  # (D, n) of the nuisance, in units
     _simulated: dict[bytes, _PointRollouts] = field(default_factory=dict, repr=False)  # by context, action and nuisance
 
     def __post_init__(self) -> None:
@@ -82,6 +88,7 @@ class GridSolver(FromOutcomes):
         shape = (len(self.points), len(self.task.context))
         object.__setattr__(self, "contexts", frozen_array(self.contexts, shape, "contexts"))
         object.__setattr__(self, "probes", frozen_array(self.probes, (None, len(self.task.action)), "probes"))
+        object.__setattr__(self, "draws", frozen_array(self.draws, (None, len(self.task.nuisance)), "draws"))
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size)"""
@@ -120,22 +127,24 @@ class GridSolver(FromOutcomes):
         entry.take(slice(None), rollouts)
 
     def requests(self, actions: Array) -> Requests:
-        """The rollouts of actions (A, a) at every point, action by action; none if trials of an action differ."""
-        if varies(self.task):
+        """The rollouts of actions (A, a) with every draw at every point, action by action; none if an action is not
+        executed exactly.
+        """
+        if np.any(self.task.action_noise):
             actions = actions[:0]
-        k, count = len(self.points), len(actions)
+        k, d, count = len(self.points), len(self.draws), len(actions)
         return Requests(
-            np.tile(self.points, (count, 1)),
-            np.tile(self.contexts, (count, 1)),
-            np.repeat(actions, k, axis=0),
-            np.zeros((count * k, len(self.task.nuisance))),
+            np.tile(self.points, (count * d, 1)),
+            np.tile(self.contexts, (count * d, 1)),
+            np.repeat(actions, k * d, axis=0),
+            np.tile(np.repeat(self.draws, k, axis=0), (count, 1)),
         )
 
     def take(self, actions: Array, rollouts: Rollouts) -> None:
         """Take the rollouts of `requests(actions)` as simulated."""
         k = len(self.points)
-        for i, action in enumerate(actions):
-            self.remember(action, np.zeros(len(self.task.nuisance)), rollouts[i * k : (i + 1) * k])
+        for i, (action, drawn) in enumerate(product(actions, self.draws)):
+            self.remember(action, drawn, rollouts[i * k : (i + 1) * k])
 
     @property
     def tensors(self) -> dict[str, Array]:
@@ -174,7 +183,7 @@ class GridSolver(FromOutcomes):
         """The rollouts of N rows; the missing ones are simulated."""
         _, nearest = self._tree.query(self._coordinates(requests.parameters, requests.context))
         at = np.asarray(nearest, dtype=np.intp)
-        pairs = np.ascontiguousarray(np.concatenate([requests.action, requests.nuisance], axis=1))
+        pairs = np.ascontiguousarray(np.concatenate([requests.action, self._nearest_draws(requests.nuisance)], axis=1))
         _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
         a, rows, order = requests.action.shape[1], len(at), np.argsort(which, kind="stable")
         table: _PointRollouts | None = None
@@ -201,6 +210,14 @@ class GridSolver(FromOutcomes):
         assert entry is not None
         return entry
 
+    def _nearest_draws(self, nuisance: Array) -> Array:
+        """(N, n) -> (N, n): for each one the nearest draw."""
+        if len(self.draws) == 1:
+            return np.tile(self.draws, (len(nuisance), 1))
+        normalise = self.task.nuisance.normalise
+        gaps = normalise(nuisance)[:, None] - normalise(self.draws)
+        return np.asarray(self.draws[(gaps**2).sum(axis=-1).argmin(axis=1)])
+
     def _nothing(self, like: Rollouts) -> _PointRollouts:
         """No rollout yet at any point, of the sizes of others."""
         return _PointRollouts.empty(len(self.points), like.end_state.shape[1], like.observation.shape[1])
@@ -214,11 +231,8 @@ class GridSolver(FromOutcomes):
     @cached_property
     def _paths(self) -> Array:
         """(P, K, size) trajectories of the probes at every point."""
-        every, nuisance = (
-            np.arange(len(self.points)),
-            cover(self.task.nuisance, len(self.probes), np.random.default_rng(0)),
-        )
-        pairs = zip(self.probes, nuisance, strict=True)
+        every = np.arange(len(self.points))
+        pairs = ((action, self.draws[i % len(self.draws)]) for i, action in enumerate(self.probes))
         return np.stack([self._outcomes_at(action, drawn, every).observation for action, drawn in pairs])
 
     @cached_property
@@ -247,7 +261,13 @@ def grid_of(task: Task, points: int, probes: Array) -> GridSolver:
     """A grid of so many points, which fill the margin and the contexts that move things."""
     p = len(task.margin)
     unit = sobol(points, p + len(task.physical_context), np.random.default_rng(0))
-    return GridSolver(task, task.margin.spread(unit[:, :p]), physical_contexts(task, unit[:, p:]), probes)
+    draws = cover(task.nuisance, draws_of(task), np.random.default_rng(0))
+    return GridSolver(task, task.margin.spread(unit[:, :p]), physical_contexts(task, unit[:, p:]), probes, draws)
+
+
+def draws_of(task: Task) -> int:
+    """The number of draws that stand for the nuisance."""
+    return NUISANCES if len(task.nuisance) else 1
 
 
 def grid_behind(solver: Expectations) -> GridSolver | None:

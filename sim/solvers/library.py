@@ -18,7 +18,7 @@ from sim.rollouts.run import Progress
 from sim.rollouts.shards import simulate_missing, split
 from sim.rollouts.shares import Share
 from sim.solvers.candidates import ListedActionSolver
-from sim.solvers.grid import PROBES, grid_behind, grid_of
+from sim.solvers.grid import PROBES, draws_of, grid_behind, grid_of
 from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
 from sim.tasks.members import POLICY, Member, read_member, train_member
 from sim.tasks.task import Task
@@ -45,7 +45,7 @@ def library_solver(task: Task) -> ListedActionSolver:
     library = library_of(task)
     assert library is not None
     assert task.training is not None
-    points = max(16, min(256, ROLLOUTS // task.training.policies))
+    points = max(16, min(256, ROLLOUTS // (task.training.policies * draws_of(task))))
     grid = grid_of(task, points, library.places[:PROBES])
     return ListedActionSolver(task, grid, library.places)
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 import builtins
 import hashlib
 import os
+import shlex
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -29,6 +31,9 @@ from sim.tasks.task import Task, TaskFile
 
 MOST_BYTES = 2**20
 SUFFIX = ".py"
+
+SLOW_S = 10.0
+"""A file that is loaded for longer than this may be in an endless loop; one with large packages takes a few seconds."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,8 @@ def caller_line(path: str) -> int | None:
 
 
 def confine(path: str) -> None:
-    """From now on, code of the file can neither end nor fork this process. A TaskError names the line that tries to.
+    """From now on, code of the file can neither end nor fork this process, nor ask the keyboard. A TaskError names the
+    line that tries to.
 
     Code of other files is not affected.
     """
@@ -135,20 +141,21 @@ def _confined() -> set[str]:
 
 @cache
 def _guard() -> None:
-    def guarded(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
-        def function(*values: Any) -> Any:
+    def guard(module: Any, name: str, shown: str, right: str) -> None:
+        original = getattr(module, name)
+
+        def guarded(*values: Any) -> Any:
             for path in _confined():
                 if (line := caller_line(path)) is not None:
-                    raise TaskError(
-                        f"{path}, line {line} calls os.{name}: a task may neither end nor double the process"
-                    )
+                    raise TaskError(f"{path}, line {line} calls {shown}: {right}")
             return original(*values)
 
-        return function
+        setattr(module, name, guarded)
 
     for name in ("_exit", "abort", "fork", "forkpty"):
         if hasattr(os, name):
-            setattr(os, name, guarded(name, getattr(os, name)))
+            guard(os, name, f"os.{name}", "a task may neither end nor double the process")
+    guard(builtins, "input", "input", "a task may not wait for the keyboard; everything comes by its arguments")
 
 
 @contextmanager
@@ -162,6 +169,30 @@ def patched(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Iterato
     finally:
         for name, function in before.items():
             setattr(module, name, function)
+
+
+@contextmanager
+def _noticed(path: str) -> Iterator[None]:
+    """After `SLOW_S`, a line on stderr says which line of the file still runs."""
+    thread = threading.get_ident()
+
+    def notice() -> None:
+        frame = sys._current_frames().get(thread)
+        while frame is not None and frame.f_code.co_filename != path:
+            frame = frame.f_back
+        where = path if frame is None else f"{path}, line {frame.f_lineno}"
+        sys.stderr.write(
+            f"{where} still runs after {SLOW_S:g} s, because the file is being loaded. Ctrl-C ends the command; to "
+            f"examine the file: adaptsim task check {shlex.quote(path)}\n"
+        )
+
+    timer = threading.Timer(SLOW_S, notice)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @contextmanager
@@ -191,7 +222,7 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
         confine(str(path))
-        with patched(time, _awake(str(path))), _same_folder():
+        with patched(time, _awake(str(path))), _same_folder(), _noticed(str(path)):
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
     except TaskError as error:
         del sys.modules[module.__name__]

@@ -65,6 +65,15 @@ def test_the_numbers_are_those_of_the_table_of_sessions(tmp_path, monkeypatch):
     assert numbers.least("p") == pytest.approx(-0.1)
 
 
+def test_a_number_of_a_sealed_benchmark_is_of_all_worlds_or_of_one_stratum():
+    name = "pushing-drawn"
+    total, need = numbers.sealed_worlds(name), numbers.sealed_need(name)
+    assert 0 < need < total
+    for number in (numbers.sealed, numbers.sealed_lead):
+        parts = [number(name, "udr", stratum=stratum) for stratum in ("in need", "others")]
+        assert number(name, "udr") == pytest.approx((need * parts[0] + (total - need) * parts[1]) / total)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("task", "arm", "time", "travel"), numbers.stops())
 def test_the_table_of_stops_is_what_the_function_computes(task: str, arm: str, time: str, travel: str) -> None:

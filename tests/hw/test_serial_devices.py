@@ -120,7 +120,7 @@ def test_sbi(answer: bytes, mass_kg: float) -> None:
         (sbi_mass_kg, b"       L      \r\n", "underloaded"),
         (sbi_mass_kg, b"+   123.45 oz \r\n", "'oz'"),
         (sbi_mass_kg, b"+   12x.45 g  \r\n", "instead of a number"),
-        (sbi_mass_kg, b"S S 1 g\r\n", "not SBI with 16 characters"),
+        (sbi_mass_kg, b"S S 1 g\r\n", "set its interface to SBI with 16 characters"),
         (sics_mass_kg, b"S D     12.3 g\r\n", "not at rest"),
         (sics_mass_kg, b"S I\r\n", "busy"),
         (sics_mass_kg, b"S +\r\n", "overloaded"),

@@ -12,8 +12,8 @@ Prints lines of JSON: for every failure which call it was, what was said, what h
 that, and in which files the end differs from an undisturbed one; in the end which calls there are.
 
 A program of its own, so that forking never meets the threads of a test run. What is imported or computed once, every
-child has; run it with one thread (OMP_NUM_THREADS). Nothing is flushed in truth, because a process that dies takes
-nothing with it that the system has.
+child has; run it with one thread (`ONE_THREAD` of its test). Nothing is flushed in truth, because a process that dies
+takes nothing with it that the system has.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ one to which the commands come one after the other, in either order, or one of t
 Prints one line of JSON a race: exit codes, what was said, to which end it came (null: to none of these), what `sessions
 verify` finds damaged, and what was left behind.
 
-A program of its own, so that forking never meets the threads of a test run; run it with one thread (OMP_NUM_THREADS).
+A program of its own, so that forking never meets the threads of a test run; run it with one thread (`ONE_THREAD` of
+its test).
 """
 
 from __future__ import annotations

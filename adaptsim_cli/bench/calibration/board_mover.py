@@ -147,9 +147,9 @@ def plan(rig: CalibrationRig, count: int) -> Array:
     able = [i for i, q in enumerate(postures) if q is not None]
     if len(able) < FEWEST:
         raise PreflightFailed(
-            f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, {FEWEST} are needed: "
-            "check that the camera has not moved and that the board is mounted as docs/guide/calibrate.md shows; or "
-            "add --guide"
+            f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, but {FEWEST} are "
+            "needed: check that the camera has not moved and that the board is mounted as docs/guide/calibrate.md "
+            "shows; or add --guide"
         )
     chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
     q_rad = np.array([postures[i] for i in chosen])

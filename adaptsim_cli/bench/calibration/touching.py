@@ -138,7 +138,7 @@ class _Asking:
         """Enter is yes, n no. Raises StoppedByOperator at q."""
         if self.unattended:
             return True
-        go_on = enter("to go on", "You have done it: the program takes the picture, or reads the joints.")
+        go_on = enter("to go on", "The program takes the picture, or reads the joints.")
         leave_out = Key("n", "to leave this out", "The calibration is solved without the touched corner.")
         way_out = stop("The command ends; the views so far are stored, and the same command goes on with them.")
         answer = self.screen.choose(question, go_on, leave_out, way_out)

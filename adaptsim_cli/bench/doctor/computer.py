@@ -142,7 +142,7 @@ def _driver(lab: Examined) -> Finding:
     if version is None:
         return missing(f"{package.name} is not installed; it speaks {row}", package.install)
     if version != package.version:
-        message = f"{package.name} {version} is installed, tested is {package.version}, which speaks {row}"
+        message = f"{package.name} {version} is installed, but {package.version} was tested, which speaks {row}"
         return missing(message, package.install)
     return ok(f"{package.name} {version} speaks {row}")
 

@@ -254,7 +254,7 @@ def _person(answers: Answers) -> None:
         "How far from the arm's axis does your side begin?",
         f"{person_part.from_m if person_part else 0.6:g}",
         kept_clear,
-        "In m, from the axis of joint 1 outwards, always positive. Beyond it the arm never reaches.",
+        "In m, from the axis of joint 1 outwards, always positive. The arm never reaches beyond it.",
     )
 
 

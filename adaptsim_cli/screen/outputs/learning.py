@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import Field
+
 from adaptsim_cli.screen.outputs import described, optional
 from hw.records import Record
 
@@ -39,6 +41,10 @@ class RevealedParameter(Record):
     high: float = described("upper end of it")
     believed: tuple[float, float, float] | None = described(
         "lower end, median and upper end of 90 % of the posterior; null where it collapsed onto one sample"
+    )
+    kinds: list[str] = Field(default=[], description="the words of a category, by its value; empty for a number")
+    chances: list[float] | None = Field(
+        default=None, description="the probability of each of these words; null for a number, or where it collapsed"
     )
 
 

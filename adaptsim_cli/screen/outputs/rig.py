@@ -117,7 +117,7 @@ CALIBRATION = printed(
         list[dict[str, Any]] | None,
         optional("suspected faults, and the option that corrects each, for views from elsewhere"),
     ),
-    advice=(str | None, optional("the one most effective next step, for views from elsewhere")),
+    advice=(str | None, optional("the most effective next step, for views from elsewhere")),
 )
 
 RESTORED = printed(

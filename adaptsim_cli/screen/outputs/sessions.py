@@ -146,6 +146,9 @@ class ParameterBelief(Record):
     low: float | None = described("lower end of the 90 % interval; null where the posterior collapsed onto one sample")
     median: float | None = described("median of the posterior; null where it collapsed")
     high: float | None = described("upper end of the interval; null where the posterior collapsed")
+    chances: dict[str, float] | None = Field(
+        default=None, description="the probability of each word of a category; null for a number, or where it collapsed"
+    )
 
 
 class Stored(Record):

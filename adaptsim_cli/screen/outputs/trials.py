@@ -165,7 +165,7 @@ class TrackRecord(Record):
     )
     flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
     watched_s: tuple[float | None, float | None] = Field(
-        default=(None, None), description="from when to when the state is known; null: no such bound"
+        default=(None, None), description="first and last time at which the state is known; null: no such bound"
     )
 
     @classmethod

@@ -92,7 +92,7 @@ def _require_one_kind(answer: Answer, question: Question) -> None:
             raise AnswerRefused(f"context is missing: report where the object lies, {', '.join(question.context)}")
         return
     if answer.context is not None:
-        raise AnswerRefused("context was not asked for: it is reported in the answer to ask = place alone")
+        raise AnswerRefused("context was not asked for: report it only in the answer to ask = place")
     if (answer.t_s is None) != (answer.state is None):
         raise AnswerRefused(f"{'t_s' if answer.t_s is None else 'state'} is missing: times and states belong together")
     if answer.t_s is None and answer.end is None:
@@ -157,7 +157,7 @@ def track_of(answer: Answer, question: Question, task: Task) -> ObjectTrack:
 
 
 def _from_start(track: ObjectTrack, task: Task, context: Array) -> ObjectTrack:
-    """The track; one that has an end alone begins at the known start of the object."""
+    """The track; one that has only an end begins at the known start of the object."""
     place_m = start_m(task, context)
     if len(track.t_s) > 1 or place_m is None:
         return track
@@ -184,7 +184,7 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
     if len(times) != len(rows):
         raise AnswerRefused(f"t_s has {len(times)} times, and state has {len(rows)} rows: give one row for each time")
     if len(times) < 2:
-        raise AnswerRefused(f"the trajectory has {len(times)} states, and needs two: to report the end alone, give end")
+        raise AnswerRefused(f"the trajectory has {len(times)} states, and needs two: to report only the end, give end")
     wrong = next((i for i, row in enumerate(rows) if len(row) != len(columns)), None)
     if wrong is not None:
         raise AnswerRefused(f"row {wrong + 1} of state has {len(rows[wrong])} numbers, and must have {width}")
@@ -196,8 +196,8 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         )
     if abs(t_s[0]) > NEAR_S:
         raise AnswerRefused(
-            f"its first state is at {t_s[0]:.6g} s, and time 0 is the start of the motion, {NEAR_S:g} s before or "
-            "after at most: subtract the start of the motion from the clock, and leave out what came long before"
+            f"its first state is at {t_s[0]:.6g} s, but must lie within {NEAR_S:g} s of time 0, the start of the "
+            "motion: subtract the start of the motion from the clock, and leave out all earlier states"
         )
     if t_s[-1] <= 0.0:
         raise AnswerRefused(f"its last state is at {t_s[-1]:.4g} s, and time 0 is the start of the motion")
@@ -260,5 +260,5 @@ def _flags(answer: Answer, t_s: Array, last_s: float, task: Task) -> tuple[str, 
     if missing == len(times_s):
         notes.append("only its end was observed: reward and end count, the posterior of the parameters stays as it was")
     elif missing:
-        notes.append(f"{missing} of {len(times_s)} moments were not observed, and count for nothing")
+        notes.append(f"{missing} of {len(times_s)} moments were not observed and do not count")
     return tuple(notes)

@@ -73,7 +73,7 @@ class Mcap(Record):
     clock: Literal["header", "log", "publish"] = Field(
         "header", description="the time of a message: its header's stamp, or when it was logged or published"
     )
-    late_s: float = Field(0.0, description="how much later than the motion the trajectory's times are, s")
+    late_s: float = Field(0.0, description="delay of the trajectory's times after the motion, s")
     start: str = Field("", description="topic whose first message is time 0; empty: the first state")
     fields: dict[str, str] = Field(
         default_factory=dict,
@@ -147,7 +147,7 @@ AGREES = 0.02
 
 @dataclass(frozen=True, eq=False)
 class RawTrial:
-    """The values of a trial by name; others are kept and not used."""
+    """The values of a trial by name; unknown ones are kept and not used."""
 
     name: str
     values: Mapping[str, float | str]

@@ -79,7 +79,7 @@ class Feed:
         self._keep(store)
 
     def reported(self, path: Path) -> None:
-        """See `Watcher`: the report stays a page."""
+        """See `Watcher`. A logger gets no report."""
 
     def _keep(self, store: SessionStore) -> None:
         if self._logger is None:

@@ -37,7 +37,7 @@ def open_logger(folder: Path, session: str, settings: Words) -> WandbLog:
 
 
 class WandbLog:
-    """`SessionLogger` that writes one run; its own steps must not go back, so `trial` is a value."""
+    """`SessionLogger` that writes one run. The steps of a run must not go back, so the trial is logged as a value."""
 
     def __init__(self, run: Any, as_image: Any) -> None:
         self._run, self._as_image = run, as_image

@@ -111,7 +111,7 @@ def fitted(grid: GridSolver, trials: RecordedTrials, rows: NDArray[np.int_]) -> 
 def errors(trials: RecordedTrials) -> tuple[dict[str, list[float]], Array]:
     """RMS errors in rad of the windows not fitted, by name and seed; and the mean parameters of the first seed."""
     points, context = cover(PARAMETERS, POINTS, np.random.default_rng(0)), np.tile(TASK.reference_context, (POINTS, 1))
-    grid = GridSolver(TASK, points, context, trials.actions[:PROBES])
+    grid = GridSolver(TASK, points, context, trials.actions[:PROBES], np.zeros((1, 0)))
     models = {**MODELS, "no_friction": MODELS["identified"] * (np.arange(8) < 4)}
     whole = np.concatenate([grid.points, np.tile(VISCOUS_N_M_S, (POINTS, 1))], axis=1)
     paths = angles(np.concatenate([whole, list(models.values())]), trials)

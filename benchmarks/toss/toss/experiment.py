@@ -169,7 +169,7 @@ def simulated(tosses: RecordedTrials, folder: Path) -> GridSolver:
     simulators, nothing = points(), np.zeros(0)
     k = len(simulators)
     context = np.tile(np.asarray(TASK.reference_context), (k, 1))
-    grid = GridSolver(TASK, simulators, context, tosses.actions[:PROBES])
+    grid = GridSolver(TASK, simulators, context, tosses.actions[:PROBES], np.zeros((1, 0)))
     for i, (name, action) in enumerate(zip(tosses.names, tosses.actions, strict=True)):
         asked = Requests(grid.points, context, np.tile(action, (k, 1)), np.zeros((k, 0)))
         path = folder / f"toss-{int(name):04d}.npz"

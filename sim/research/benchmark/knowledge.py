@@ -1,4 +1,4 @@
-"""The ranges of the parameters that a method is told: Omega alone, or Omega with its margin.
+"""The parameter ranges that a method knows: only Omega, or Omega with its margin.
 
 Drawn worlds take their parameters from both. A comparison is about methods only if all of them have the same knowledge.
 """

@@ -169,7 +169,7 @@ class FromRecordings:
         """See `TrialSource`: the recordings. Raises ValueError for an action that was not recorded."""
         task, rows = self.shown.task, self.shown.at(actions)
         if (rows < 0).any():
-            raise ValueError("an action was asked for that nobody recorded")
+            raise ValueError("nobody recorded the requested action")
         tracks = [self.shown.tracks[row] for row in rows]
         own_contexts = np.stack(
             [self.shown.context_of(row, context) for row, context in zip(rows, contexts, strict=True)]

@@ -1,4 +1,4 @@
-"""Searches E by real rewards alone: at random, by Bayesian optimisation, or with a prior that is learnt from Phase 1.
+"""Searches E only by real rewards: at random, by Bayesian optimisation, or with a prior that is learnt from Phase 1.
 
 Trajectories and contexts are not used, so the difference to `adaptsim-belief` shows the value of trajectories.
 """

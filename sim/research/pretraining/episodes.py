@@ -67,7 +67,7 @@ class Library:
         return cKDTree(self.task.parameters.normalise(self.means))
 
     def __call__(self, means: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Contexts and actions of the nearest distribution, in an order drawn anew."""
+        """Contexts and actions of the nearest distribution, in a new random order."""
         _, nearest = self._tree.query(self.task.parameters.normalise(means))
         order = rng.permuted(np.tile(np.arange(self.contexts.shape[1]), (len(means), 1)), axis=1)
         return self.contexts[nearest[:, None], order], self.actions[nearest[:, None], order]

@@ -29,7 +29,7 @@ HELD_OUT = 192
 """Fresh rollouts over the object's margin that judge the networks."""
 
 LEARNING_RATE = 5e-4
-"""A third of that of networks without a start: they must not forget first."""
+"""A third of the rate for untrained networks, so that the networks do not forget what they know."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets; and the
+"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets, and the
 learning gate.
 
 K counts episodes here, although Table A1 of the paper calls them steps: its 10,000 have the horizon's number of steps

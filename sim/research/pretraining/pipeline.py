@@ -242,7 +242,7 @@ def _policies(
 def _after(
     memory: MemoryName, means: _Means, settings: MetaSettings, progress: StageProgress
 ) -> Callable[[int, int], None]:
-    """The progress of one training, as a part of that of all."""
+    """The progress of all trainings, from that of one."""
     before, total = (settings.episodes * n for n in (means.memories.index(memory), len(means.memories)))
     return lambda i, _: progress(STAGES[3], before + i, total)
 

@@ -259,7 +259,9 @@ def rescaled_to(emulator: Emulator, task: Task) -> Emulator:
     theirs, ours = inputs(emulator.task), inputs(task)
     for old, new in zip(theirs, ours, strict=True):
         if _levels(old) != _levels(new):
-            raise CheckpointError(f"the emulator of {task.name} knows other whole numbers than this object: pretrain")
+            raise CheckpointError(
+                f"the emulator of {task.name} was trained for other integer values than this object has: pretrain"
+            )
     ends = ([space.low[None] for space in ours], [space.high[None] for space in ours])
     low, high = (
         encode(emulator.task, parameters, context, action, nuisance)[0].astype(np.float64)

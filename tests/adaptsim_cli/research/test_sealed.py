@@ -33,7 +33,9 @@ def test_another_version_may_not_run_sessions_in_opened_worlds(place, monkeypatc
     opened.open()
     assert read_toml(opened.path)["commit"] == "first"
     monkeypatch.setattr(sealed, "code_version", lambda: "second")
-    with pytest.raises(UsageError, match=r"were opened by version first, this is second: remove .* to draw fresh ones"):
+    with pytest.raises(
+        UsageError, match=r"were opened by version first, but this is second: remove .* to draw fresh ones"
+    ):
         opened.open()
     opened.path.unlink()
     seal("sealed").open()

@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
-from adaptsim_cli.show import truth_view
+from adaptsim_cli.show import figures, truth_view
 
 SHAPE = RevealedParameter(
     name="g", plain_name="shape", unit="", meaning="0 ellipsoid, 1 cylinder, 2 box", scale="integer",
-    truth=1.0, low=0.0, high=1.0, believed=(1.0, 1.0, 2.0),
+    truth=1.0, low=0.0, high=1.0, believed=(1.0, 1.0, 2.0), kinds=["ellipsoid", "cylinder", "box"],
+    chances=[0.001, 0.719, 0.28],
 )  # fmt: skip
 STIFF = RevealedParameter(
     name="e", plain_name="stiffness", unit="Pa", meaning="", scale="log",
@@ -22,9 +23,20 @@ PATCH = RevealedParameter(
 
 
 def test_values_are_said_in_plain_units():
-    assert truth_view.row(SHAPE) == ("shape", "cylinder", "ellipsoid to cylinder", "cylinder to box")
+    assert truth_view.row(SHAPE) == ("shape", "cylinder", "ellipsoid, cylinder", "cylinder 72 %, box 28 %")
     assert truth_view.row(STIFF) == ("stiffness", "1 MPa *", "10 to 500 kPa", "20 to 800 kPa")
     assert truth_view.row(PATCH) == ("patch", "−0.9 mm", "−0.100 to 0.100 m", "no interval")
+
+
+def test_a_category_has_no_order_so_its_belief_is_the_chance_of_each_word():
+    sure = SHAPE.model_copy(update={"chances": [0.0, 1.0, 0.0], "truth": 2.0})
+    assert truth_view.row(sure) == ("shape", "box *", "ellipsoid, cylinder", "cylinder")
+    assert truth_view.chart(SHAPE) == ""
+    assert "misses shape" in truth_view.misses_in_words(shown(0.4, parameters=[sure]))
+    drawn = figures.truth(SHAPE)
+    assert "cylinder: 72 %" in drawn
+    assert "truth: cylinder" in drawn
+    assert "ellipsoid: " not in drawn, "less than half a per cent"
 
 
 def test_the_chart_has_one_scale_for_range_belief_and_truth():

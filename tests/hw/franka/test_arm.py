@@ -56,7 +56,7 @@ def test_a_bent_arm_is_led_from_its_held_joints_onto_the_path_within_the_limits(
 
 def test_a_controller_that_holds_something_else_is_refused() -> None:
     sink = InstantPlayer(held_off_rad=0.02 * (np.arange(7) == 3))
-    with arm(sink) as one, pytest.raises(MotionRefused, match=r"commanded position of joint 4 is 0\.02 rad"):
+    with arm(sink) as one, pytest.raises(MotionRefused, match=r"joint 4 starts 0\.02 rad from the position"):
         one.execute(path())
     assert sink.given == []
 
@@ -127,5 +127,5 @@ def test_leaving_ends_the_player() -> None:
 
 def test_workcell_and_settings_agree_on_the_force_that_stops_the_arm() -> None:
     assert CollisionThresholds().contact_force_limit_N == cell().stops_at_N
-    with pytest.raises(ValueError, match="stop by itself at 40 N, its settings at 80 N"):
+    with pytest.raises(ValueError, match="stops by itself at 40 N, but by its settings at 80 N"):
         open_franka(cell("fr3", stops_at_N=40.0), FrankaSettings("172.16.0.2"))

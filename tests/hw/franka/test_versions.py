@@ -15,7 +15,7 @@ def test_a_missing_driver_says_how_to_install_it() -> None:
 
 def test_another_version_of_the_driver_is_named() -> None:
     other = Package("numpy", "0.0.1", "numpy", "0.9.2", 5)
-    with pytest.raises(DeviceUnavailable, match=rf"numpy {np.__version__} is installed, tested is 0\.0\.1"):
+    with pytest.raises(DeviceUnavailable, match=rf"numpy {np.__version__} is installed, but 0\.0\.1"):
         load(other)
 
 

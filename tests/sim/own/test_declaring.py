@@ -57,6 +57,8 @@ WRONG = [
     ({"moments": [0.5, 0.2]}, r"moments = \[0.5, 0.2\]: the times must increase"),
     ({"moments": [0.5, 20.0]}, r"moments = \[0.5, 20.0\]: the times must lie between 0 and the duration of 1 s"),
     ({"moments": 0}, r"moments = 0: it must be a whole number from 1 to 1000"),
+    ({"parameters": {"\u00b5": (0.1, 0.3)}}, r"Python reads the letters of this name as others, '\\u03bc' for '\\xb5'"),
+    ({"noise": {"x": 100.0}}, r"noise\['x'\] = 100: it is wider than the whole range of this state, 0 to "),
     ({"noise": {"y": 0.1}}, r"noise\['y'\]: there is no such name, it must be one of x"),
     ({"noise": {"x": -0.1}}, r"noise\['x'\] = -0.1: it must be a number of 0 or more"),
     ({"action_error": {"pusch": 0.1}}, r"action_error\['pusch'\]: .* one of push; did you mean push\?"),
@@ -105,7 +107,7 @@ def by_keyword(p, *, action): ...
         (with_force, r"takes \(p, force\): it must take \(p, action\)"),
         (without_p, r"takes \(action\): it must take \(p, action\)"),
         (with_policy, "takes a policy, and the argument `train` is missing"),
-        (by_keyword, r"by_keyword takes action by keyword alone: leave out the \* before it"),
+        (by_keyword, r"by_keyword takes action only by keyword: leave out the \* before it"),
         (
             lambda p, action: ([0.0], [0.0]),
             r"stands above <function <lambda> at .*: it must stand above a function with",

@@ -148,6 +148,8 @@ def test_a_rollout_that_diverges_failed_and_says_why(settle):
         (([0.0, 1.0], np.zeros((2, 3))), r"states of shape \(2, 3\) for 2 times: the shape must be \(2, 1\)"),
         (([1.0, 0.0], [0.0, 1.0]), "times that do not increase after 1 s"),
         (([0.0], ["far"]), "states that are not numbers"),
+        (([0.0], [1.0j]), "states that are complex numbers: take their real part"),
+        (([*range(200_001)], [*range(200_001)]), "returns 200,001 times: at most 200,000 are kept"),
     ],
 )
 def test_a_function_that_returns_something_else_is_named_with_its_line(settle, result, words):

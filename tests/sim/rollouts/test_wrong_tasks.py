@@ -38,6 +38,14 @@ def seen(**changes):
     return replace(TASK, observation=replace(TASK.observation, **changes))
 
 
+def in_ms(one):
+    return replace(one, t_s=1000.0 * one.t_s)
+
+
+def later(one):
+    return replace(one, t_s=5.0 + one.t_s)
+
+
 def reported(**changes):
     return replace(TASK, report=replace(TASK.report, **changes))
 
@@ -110,6 +118,18 @@ WRONG = {
         lambda: seen(times_s=frozen_array(np.linspace(0.0, 30.0, 7))),
         "the last observed moment of curling is 30 s, and the longest rollout ends at 3 s",
     ),
+    "times in another unit": (
+        lambda: replace(TASK, simulate=lambda p, c, a, n, u=None: in_ms(curl(p, c, a, n))),
+        "the last observed moment of curling is 3 s, and a rollout ends at 3000 s: times are in s",
+    ),
+    "times that begin late": (
+        lambda: replace(TASK, simulate=lambda p, c, a, n, u=None: later(curl(p, c, a, n))),
+        "a rollout begins at 5 s: its times must begin at 0, or its moments there",
+    ),
+    "reward that draws": (
+        lambda: replace(TASK, reward_of_success=lambda e, c: 0 * e[..., 0] + np.random.rand()),  # noqa: NPY002 - the fault
+        r"the reward of curling is 0\.\d+, and the second time 0\.\d+ for the same end and context",
+    ),
     "times": (
         lambda: replace(TASK, simulate=lambda p, c, a, n, u=None: track(np.linspace(0, a[0], 7), TIMES_S[::-1])),
         "the times of a rollout of curling do not increase",
@@ -162,6 +182,12 @@ def test_a_wrong_task_is_refused_with_what_is_right(name):
     make, words = WRONG[name]
     with pytest.raises((RolloutError, TaskError), match=words):
         require_sound(make(), np.random.default_rng(0))
+
+
+def test_a_context_that_changes_nothing_is_doubtful():
+    fixed = replace(TASK, reward_of_success=lambda e, c: np.clip(1.0 - np.abs(e[..., 0] - 1.0) / 5.0, 0.0, 1.0))
+    doubts = [one.detail for one in examine(fixed, np.random.default_rng(0), 2.0) if one.mark == "doubtful"]
+    assert "goal changes neither the motion nor the reward: is it used?" in doubts
 
 
 def test_the_task_of_the_tutorial_is_sound_and_its_cost_is_known():

@@ -144,7 +144,7 @@ def test_other_whole_numbers_are_refused() -> None:
     task = get_task("scooping")
     g = task.margin.names.index("g")
     fewer = [dataclasses.replace(d, high=1) if i == g else d for i, d in enumerate(task.margin.dimensions)]
-    with pytest.raises(CheckpointError, match="other whole numbers"):
+    with pytest.raises(CheckpointError, match="other integer values"):
         rescaled_to(emulator_of("scooping"), dataclasses.replace(task, margin=Space(tuple(fewer))))
 
 

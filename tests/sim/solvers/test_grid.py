@@ -14,8 +14,9 @@ from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
+from sim.rollouts import run_many, serial_executor
 from sim.solvers.candidates import with_listed_actions
-from sim.solvers.grid import grid_solver
+from sim.solvers.grid import GRID, NUISANCES, grid_behind, grid_solver
 from sim.tasks.pendulum import TASK as PENDULUM
 from sim.tasks.task import Observation, Task
 from sim.types import Dimension, Space
@@ -94,7 +95,7 @@ def test_a_policy_takes_the_best_listed_action_that_is_left() -> None:
     assert policy(context).tolist() == [0.5]
     assert policy.predict(context)[0] == pytest.approx(0.6, abs=0.02)
     left.clear()
-    with pytest.raises(NotExecutable, match="none of the 3 listed actions is left"):
+    with pytest.raises(NotExecutable, match="none of the 3 listed actions can still be executed"):
         policy(context)
     assert policy.actions(np.array([[0.1], [0.9]])).tolist() == [[0.1], [0.9]]
 
@@ -115,3 +116,34 @@ def test_any_number_of_trials_leaves_both_points_beside_the_truth(count) -> None
     weights = dict(zip(points[:, 0], OutcomePosterior(Simulators(solver, reward_table), trials).weights, strict=True))
     assert weights[below] == max(weights.values())
     assert weights[above] > 0.5 * weights[below]
+
+
+def blown(parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: object = None) -> ObjectTrack:
+    track = slide(parameters, context, action, nuisance)
+    return replace(track, state=track.state + 0.1 * nuisance[0])
+
+
+def test_a_nuisance_counts_as_the_nearest_of_a_few_draws_which_are_simulated_before_a_session() -> None:
+    task = replace(TASK, simulate=blown, nuisance=Space((Dimension("wind", "m/s", 1.0, 2.0),)))
+    solver = grid_solver(task)
+    grid, two, goal = grid_behind(solver), solver.listed[:2], np.array([[0.5]] * 2)
+    assert grid is not None
+    requests = grid.requests(two)
+    assert len(requests) == 2 * NUISANCES * GRID
+    assert requests.nuisance.min() >= 1.0
+    with serial_executor() as crew:
+        grid.take(two, run_many(task, requests, crew))
+    CALLS.clear()
+    parameters, wind = np.array([[1.5], [1.7]]), np.array([[1.02], [1.98]])
+    paths = solver.trajectories(parameters, two, wind, goal)
+    assert not CALLS, "everything was simulated before"
+    low, high = paths[:, 0] / 0.1
+    assert 1.0 <= low < high <= 2.0
+    assert abs(low - 1.02) < 0.25
+    again = grid_solver(task)
+    restored = grid_behind(again)
+    assert restored is not None
+    restored.restore(grid.tensors)
+    assert np.array_equal(again.trajectories(parameters, two, wind, goal), paths)
+    assert not CALLS
+    assert not len(replace(grid, task=replace(task, action_noise=frozen_array([0.1]))).requests(two))

@@ -115,20 +115,20 @@ def test_solvers_by_true_rollouts_expect_the_same_reward():
         expected = direct.trial_rewards(requests.parameters, requests.context, requests.action, requests.nuisance)
     assert expected.tolist() == [true_failure(row) for row in failed]
     grid = grid_of(CREDITED, 16, TOY.action.sample(RNG(0), 4))
-    actions, nuisance = TOY.action.low[None], np.zeros(1)
+    actions, nuisance = TOY.action.low[None], grid.draws[0]
     predicted = grid.outcomes(grid.points, actions, nuisance, TOY.reference_context)
     true = [simulate(p, TOY.reference_context, TOY.action.low, nuisance) for p in grid.points]
     earned = CREDITED.expected_reward(predicted, TOY.reference_context)[0]
     assert earned == pytest.approx([CREDITED.score(track, TOY.reference_context) for track in true])
-    grid.remember(TOY.action.low, nuisance, rollouts_at(grid.points))
+    grid.remember(TOY.action.low, nuisance, rollouts_at(grid.points, nuisance))
     again = grid_of(CREDITED, 16, TOY.action.sample(RNG(0), 4))
     again.restore(grid.tensors)
     stored = again.outcomes(grid.points, actions, nuisance, TOY.reference_context)
     assert np.array_equal(CREDITED.expected_reward(stored, TOY.reference_context)[0], earned)
 
 
-def rollouts_at(points: np.ndarray) -> Rollouts:
-    requests, _ = Requests.broadcast(points, TOY.reference_context, TOY.action.low, np.zeros(1))
+def rollouts_at(points: np.ndarray, nuisance: np.ndarray) -> Rollouts:
+    requests, _ = Requests.broadcast(points, TOY.reference_context, TOY.action.low, nuisance)
     with serial_executor() as executor:
         return run_many(CREDITED, requests, executor)
 

@@ -45,7 +45,7 @@ def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have():
     [
         ({"arm": {**ARM, "model": "ur5"}}, "arm.model = \"ur5\": it must be one of 'panda', 'fr3' or 'fr3v2'"),
         ({"arm": {"model": "fr3"}}, "arm.address is missing (network address"),
-        ({"arm": {**ARM, "address": "https://arm"}}, "give the name or IP address alone"),
+        ({"arm": {**ARM, "address": "https://arm"}}, "give only the name or IP address"),
         ({"arm": {**ARM, "joint_impedance_Nm_rad": [1, 2]}}, "arm.joint_impedance_Nm_rad has 2 values, more belong"),
         ({"arm": {**ARM, "joint_impedance_Nm_rad": [0] * 7}}, "every value must be above 0 and at most 14250"),
         ({"arm": {**ARM, "collision": {"force_collision_N": [1] * 6}}}, "is above collision"),

@@ -118,7 +118,7 @@ def aged(days: int) -> SavedCalibration:
         ("OpenCV", {"installed": always("4.13")}, ADVICE, "opencv-contrib-python write the same module cv2"),
         ("OpenCV", {"installed": always(None)}, MISSING, "no package with the module cv2"),
         ("driver", {"installed": HAVE.get}, OK, "speaks interface 10: arm system 5.9.0"),
-        ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, tested is 0.21.3"),
+        ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, but 0.21.3 was tested"),
         ("driver", {"installed": always(None)}, MISSING, "pylibfranka is not installed; it speaks interface 10"),
         ("disk speed", {"write_speed": always((300.0, 0.004))}, OK, "300 MB/s, a record is safe after 4 ms"),
         ("disk speed", {"write_speed": always((9.0, 0.004))}, ADVICE, "recommended: 20 MB/s"),

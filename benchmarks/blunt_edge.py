@@ -20,8 +20,8 @@ from scipy import stats
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.research.pretraining.dataset_share import stage_seeds
-from sim.rollouts import serial_executor
 from sim.rollouts.dataset import build_dataset
+from sim.rollouts.executors import serial_executor
 from sim.tasks import get_task
 from sim.tasks.own_object import OwnObject, with_ranges
 

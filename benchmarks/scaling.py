@@ -21,9 +21,10 @@ from dataclasses import fields, replace
 import numpy as np
 from distributed import LocalCluster
 
-from sim.rollouts import Requests, Rollouts, process_pool, run_many
 from sim.rollouts.cluster import dask_cluster
 from sim.rollouts.dataset import dataset_requests
+from sim.rollouts.executors import process_pool
+from sim.rollouts.run import Requests, Rollouts, run_many
 from sim.tasks import get_task
 from sim.tasks.task import Task
 

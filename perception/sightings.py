@@ -1,4 +1,4 @@
-"""Whether an object was seen often enough for an outcome, and whether it was seen leaving."""
+"""Whether an object was seen often enough and long enough for an outcome, and whether it was seen leaving."""
 
 from __future__ import annotations
 
@@ -47,6 +47,15 @@ def require_seen(what: str, track: ObjectTrack, visible: Mask, at_end: Mask) -> 
             "from table and tool, more light, or a camera that sees past the tool makes it visible",
             track,
             followed=bool(visible.mean() >= BEFORE_SHARE),
+        )
+
+
+def require_end(t_s: Array, duration_s: float) -> None:
+    """Raises TrackingFailed if the last of the frames' times `t_s` (N,) is before the motion's end at `duration_s`."""
+    if t_s[-1] < duration_s:
+        raise TrackingFailed(
+            f"the film ends at {t_s[-1]:.2f} s, and the motion at {duration_s:.2f} s: how the trial ended is not "
+            "known. Check the camera's cable and its USB controller, then repeat the trial"
         )
 
 

@@ -176,7 +176,8 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
     """
     from sim.research.pretraining.verification import CardFigure
     from sim.research.pretraining.verification import verify_figures as verify
-    from sim.rollouts import run_many, simulating_executor
+    from sim.rollouts.executors import simulating_executor
+    from sim.rollouts.run import run_many
 
     checkpoint = checkpoint_of(config)
     task = checkpoint.solver.task

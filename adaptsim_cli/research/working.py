@@ -29,7 +29,7 @@ def simulations(resolved: Resolved, scheduler: str, screen: Screen) -> AbstractC
 
     Raises UsageError if both --workers and a scheduler were given, ClusterUnavailable, ExtraMissing.
     """
-    from sim.rollouts import simulating_executor
+    from sim.rollouts.executors import simulating_executor
 
     if scheduler and "workers" in resolved.flags:
         raise UsageError("--workers counts processes of this computer, --scheduler uses others: leave one of them out")

@@ -17,6 +17,7 @@ from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.target import Target
 from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
+from perception.raycasting import missing_libraries
 
 MOST_BRIGHTER = 0.15
 """Change of brightness of the picture before the motion, as a share, that is worth a message."""
@@ -66,9 +67,11 @@ def preflight(target: Target[Any, Any], facts: SessionFacts, folder: Path, min_f
 
 
 def rig_checks(rig: Rig) -> tuple[Readiness, ...]:
-    """Calibration, arm and camera."""
+    """Calibration, arm and camera; and the libraries of the system, if one is missing."""
     calibration = calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC))
-    return (calibration, _arm(rig), *(check() for check in rig.more_checks), _camera(rig))
+    lacking = missing_libraries()
+    libraries = (Readiness("libraries", False, lacking),) if lacking else ()
+    return (calibration, *libraries, _arm(rig), *(check() for check in rig.more_checks), _camera(rig))
 
 
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Readiness:

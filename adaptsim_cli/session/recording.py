@@ -244,11 +244,12 @@ def _read(reader: McapReader) -> Recording:
     reported = topics.reported(camera.get("measured", ()))  # older recordings have a modelled effort
     types, measured = topics.quantity_types(camera.get("measured", ())), {one.name: list[Any]() for one in reported}
     with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
-        for _, channel, message in reader.iter_messages():
+        for schema, channel, message in reader.iter_messages():
             topic = channel.topic
             if topic in images:
-                picture = topics.decode(TOPICS[topic], message.data)
-                pixels = pool.submit(_pixels if topic in COLOURS else _depth_mm, picture)
+                kind = TOPICS[topic] if schema is None else schema.name
+                picture = topics.decode(kind, message.data)
+                pixels = pool.submit(_pixels if topic in COLOURS else _DEPTHS[kind], picture)
                 images[topic][topics.stamp_ns(picture.header)] = pixels
             elif topic in joints:
                 state = topics.decode(topics.JOINTS, message.data)
@@ -307,6 +308,18 @@ def _depth_mm(message: Any) -> Depth:
     if message.encoding != "16UC1":
         raise ValueError(f"a depth image of encoding {message.encoding!r}")
     return np.frombuffer(message.data, "<u2").reshape(message.height, message.width).astype(np.uint16)
+
+
+def _compressed_depth_mm(message: Any) -> Depth:
+    """The depth of a decoded CompressedImage, as sessions of formats 1 and 2 have it. Raises ValueError."""
+    depth_mm = decode_image(message.data, cv2.IMREAD_UNCHANGED)
+    if depth_mm.dtype != np.uint16 or depth_mm.ndim != 2:
+        raise ValueError("a compressed depth image that is not of 16 bits")
+    return np.asarray(depth_mm, np.uint16)
+
+
+_DEPTHS = {topics.DEPTH: _depth_mm, topics.PICTURE: _compressed_depth_mm}
+"""Message type -> reader of a depth image."""
 
 
 def _s(t_ns: int) -> float:

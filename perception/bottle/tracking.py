@@ -17,7 +17,7 @@ from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
 from perception.geometry import Area, transform
 from perception.scan import Mask, Raw, Scan, scan_of
-from perception.sightings import require_seen, seen_leaving
+from perception.sightings import require_end, require_seen, seen_leaving
 from perception.types import ObjectTrack, Outcome, in_frames
 
 BEFORE_S = 0.05
@@ -55,7 +55,8 @@ def track_bottle(
     bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell: its
     rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the edge
     of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed if no
-    frame falls into the trial or the bottle is in none of them; OutcomeUnseen if it is in too few of them.
+    frame falls into the trial, the film ends before the motion, or the bottle is in none of the frames; OutcomeUnseen
+    if it is in too few of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
     if not any(f.t_s <= t_start_s + duration_s for f in chosen):
@@ -87,6 +88,8 @@ def track_bottle(
     track = ObjectTrack(t_s, state, outcome, end, confidence, flags)
     if outcome is not Outcome.LOST:  # a fallen bottle may roll out of sight: what counts is that it was seen to fall
         until = len(t_s) if outcome is Outcome.UPRIGHT else int(np.flatnonzero(sure)[-1]) + 1
+        if outcome is Outcome.UPRIGHT:
+            require_end(t_s, duration_s)
         require_seen("bottle", track, sure[:until], t_s[:until] >= t_s[until - 1] - _LAST_S)
     return track
 

@@ -19,7 +19,7 @@ from perception.piece.follow import TrackingSetup, follow
 from perception.piece.locate import PieceFix
 from perception.piece.proxy import Proxy
 from perception.piece.registration import tool_shift, turn_camera
-from perception.sightings import require_seen, seen_leaving
+from perception.sightings import require_end, require_seen, seen_leaving
 from perception.types import (
     ABOVE_FACE_M,
     BEHIND_M,
@@ -152,8 +152,8 @@ def track_piece(
     trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose (4, 4) on
     the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`.
     Frames in which the piece cannot be located are bridged, with confidence 0. A piece is lost if it was seen leaving.
-    Raises TrackingFailed if no frame falls into the trial or the piece is in none of them; OutcomeUnseen if it is in
-    too few of them, or of the last.
+    Raises TrackingFailed if no frame falls into the trial, the film ends before the motion, or the piece is in none of
+    the frames; OutcomeUnseen if it is in too few of them, or of the last.
     """
     chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
     if not chosen:
@@ -182,6 +182,7 @@ def track_piece(
     track, visible = ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags), confidence >= _SEEN
     if seen_leaving(t_s, state[:, :2], visible, reach_of(detection)):
         return replace(track, outcome=Outcome.LOST, flags=(*flags, "it left the camera's view"))
+    require_end(t_s, duration_s)
     require_seen("piece", track, visible, last_frames(t_s, duration_s))
     return track
 

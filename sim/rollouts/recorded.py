@@ -31,6 +31,9 @@ ASIDE_M, _ASIDE_TRIALS = 0.03, 3
 another frame (m)."""
 _ALIKE = 0.002
 """Trajectories that differ by less than this share of the range of observations are the same."""
+_COPY, _COPIED_MOVES = 1e-4, 0.05
+"""Trajectories of moving objects (the second) that agree within the first at every observed moment are copies: shares
+of the range of observations."""
 LEAST = 8
 """Least number of trials: four for a session of two particles with one trial each, four for the scores."""
 
@@ -199,16 +202,15 @@ class RecordedTrials:
                 raise RecordingsRefused(f"trial {name} is there twice: remove one of them")
             if (other := names.setdefault(action.tobytes(), name)) != name:
                 raise RecordingsRefused(f"trials {other} and {name} have the same action: remove one of them")
-        names = {}
+        exact = dict[bytes, str]()
         for name, track in zip(self.names, self.tracks, strict=True):
             if not np.ptp(track.state[:, list(self.task.observation.columns)], axis=0).any():
                 continue  # an object that stays where it is does so alike in every trial
             content = track.t_s.tobytes() + track.state.tobytes()
-            if (other := names.setdefault(content, name)) != name:
-                raise RecordingsRefused(
-                    f"trials {other} and {name} have the same trajectory, to the last digit, under two actions: one of "
-                    "them is a copy, so remove the wrong one"
-                )
+            if (other := exact.setdefault(content, name)) != name:
+                raise RecordingsRefused(_copy_sentence(other, name, "to the last digit"))
+        if copy := copied(self.task, self.names, self.tracks):
+            raise RecordingsRefused(copy)
 
 
 def require_sound(trials: RecordedTrials) -> RecordedTrials:
@@ -232,6 +234,32 @@ def require_sound(trials: RecordedTrials) -> RecordedTrials:
     if drift := drifts(task, trials.tracks):
         raise RecordingsRefused(drift)
     return trials
+
+
+def copied(task: Task, names: Sequence[str], tracks: Sequence[ObjectTrack]) -> str:
+    """A sentence about two trials of different actions in which the object moves alike, within less than any noise; ""
+    without any.
+    """
+    sight = task.observation
+    rows = np.array([sight.normalise(track.at(sight.times_s)[:, list(sight.columns)]) for track in tracks])
+    rows = rows.reshape(len(tracks), -1)
+    moves = np.ptp(rows.reshape(len(rows), len(sight.times_s), -1), axis=1).max(axis=1) > _COPIED_MOVES
+    moving, sums = np.flatnonzero(moves & np.isfinite(rows).all(axis=1)), rows.sum(axis=1)
+    order = moving[np.argsort(sums[moving])]
+    for here, i in enumerate(order):
+        for j in order[here + 1 :]:
+            if sums[j] - sums[i] > _COPY * rows.shape[1]:
+                break  # the others lie farther away, because the sum of their differences does
+            if np.abs(rows[i] - rows[j]).max() <= _COPY:
+                return _copy_sentence(names[min(i, j)], names[max(i, j)], f"within {_COPY:.2%} of the range")
+    return ""
+
+
+def _copy_sentence(first: str, second: str, how: str) -> str:
+    return (
+        f"trials {first} and {second} have the same trajectory, {how}, under two actions: one of them is a copy, so "
+        "remove the wrong one"
+    )
 
 
 def rests(task: Task, track: ObjectTrack) -> bool:

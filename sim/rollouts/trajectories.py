@@ -25,6 +25,10 @@ WRONG_WAY_DEG = 30.0
 DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
 """In so many trials (the last) no object creeps alike and faster than the first (m/s), for so long (s), before it moves
 faster than the third (m/s) and as it rests."""
+_FAST_M_S, HELD_S = 0.3, 0.08
+"""A place that is repeated for longer than this (s) between steps of a fast object (m/s) is not measured anew."""
+STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
+"""No friction stops an object faster (m/s²) than the first; its speed is that of so many steps, and so many follow."""
 HEIGHT_M = 0.10
 """How far from its known height an object may begin (m)."""
 
@@ -38,6 +42,8 @@ def contradiction(task: Task, track: ObjectTrack, context: Array | None, action:
         return ""
     return (
         _spike(task, track)
+        or _held(task, track)
+        or _frozen(task, track)
         or _wrong_height(task, track)
         or _moved_again(task, track, context, action)
         or _never_moved(task, track, context, action)
@@ -91,6 +97,48 @@ def _spike(task: Task, track: ObjectTrack) -> str:
     return (
         f"at {t_s[i + 1]:.4g} s the object lies {1e3 * off_m[i]:.0f} mm off its way, and is back in the next sample: "
         "leave such samples out"
+    )
+
+
+def _steps(task: Task, track: ObjectTrack) -> tuple[Array, Array]:
+    """(N-1,) way (m) and time (s) from each sample to the next."""
+    way_m = np.linalg.norm(np.diff(track.state[:, list(task.observation.columns)], axis=0), axis=1)
+    return way_m, np.diff(track.t_s)
+
+
+def _held(task: Task, track: ObjectTrack) -> str:
+    """Samples that repeat an older place, to the last digit, while the object moves."""
+    way_m, _ = _steps(task, track)
+    changes = np.flatnonzero(way_m > 0.0) + 1
+    if len(changes) < 3:
+        return ""
+    every_s = np.diff(track.t_s[changes])
+    fast = way_m[changes[1:] - 1] / every_s > _FAST_M_S
+    repeated = fast & (np.diff(changes) > 1) & (every_s > HELD_S)
+    if repeated.sum() < 2 or repeated.sum() <= fast.sum() / 2:
+        return ""
+    return (
+        f"its place is new only every {np.median(every_s[repeated]):.2g} s while the object moves, and repeated in "
+        f"between, limit {HELD_S:g} s: leave the repeated samples out, because the object moves on between them"
+    )
+
+
+def _frozen(task: Task, track: ObjectTrack) -> str:
+    """An object that moves fast, and never again by a single digit. One that fell or is lost counts as staying."""
+    way_m, every_s = _steps(task, track)
+    changes = np.flatnonzero(way_m > 0.0)
+    if not len(changes) or track.outcome in (Outcome.TIPPED, Outcome.LOST):
+        return ""
+    last = int(changes[-1])
+    if not _FROZEN_STEPS <= last + 1 <= len(way_m) - _FROZEN_STEPS:
+        return ""
+    lately = slice(last + 1 - _FROZEN_STEPS, last + 1)  # one step alone may be the resolution's
+    speed_m_s = float(way_m[lately].sum() / every_s[lately].sum())
+    if speed_m_s < _FAST_M_S or speed_m_s / every_s[last + 1] < STOPS_M_S2:
+        return ""
+    return (
+        f"the object moves at {speed_m_s:.2g} m/s until {track.t_s[last + 1]:.3g} s, and from then on its place is the "
+        "same to the last digit: did its tracker stop?"
     )
 
 

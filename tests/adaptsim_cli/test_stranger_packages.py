@@ -14,7 +14,7 @@ NAMES = ("sim", "hw", "perception", "calib")
 SCRIPT = """
 from adaptsim_cli import api
 import sim.rollouts, hw.workcell, perception.types, calib.types
-from sim.rollouts import process_pool
+from sim.rollouts.executors import process_pool
 from hw.computer import usable_cores
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import pytest
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.pipeline import pretrain
-from sim.rollouts import serial_executor
+from sim.rollouts.executors import serial_executor
 from sim.tasks import task_of_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "guide" / "trained-policies.md"

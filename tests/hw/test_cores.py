@@ -59,6 +59,6 @@ def test_affinity_limits_the_quota(monkeypatch, tmp_path):
 
 
 def test_a_process_pinned_to_one_core_starts_one_worker():
-    program = COUNTED + "from sim.rollouts import process_pool; print(process_pool()._max_workers)"
+    program = COUNTED + "from sim.rollouts.executors import process_pool; print(process_pool()._max_workers)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "1\n"

@@ -13,8 +13,9 @@ from toy_task import PARAMETERS, TOY, Unmodelled, simulate
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.adaptation.reward_table import RewardTable, RewardTableSettings, tabulate_rewards
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
-from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
-from sim.rollouts.run import Roll
+from sim.rollouts.dataset import Dataset, build_dataset
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import Requests, Roll, Rollouts, run_many
 from sim.solvers.candidates import ScenarioPolicy
 from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator

@@ -32,6 +32,7 @@ from hw.franka.realtime import HIGHEST
 from hw.franka.versions import MATRIX, PACKAGES
 from hw.plugins import Offer, Registry, offers
 from hw.serial import balance
+from perception import raycasting
 from sim import tasks
 from sim.adaptation import methods
 from sim.errors import SimError
@@ -48,10 +49,7 @@ def offered() -> tuple[Offer, ...]:
 
 
 LIBRARIES = {
-    "Open3D": (
-        ("open3d-cpu", "open3d"),
-        {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libusb-1.0.so.0": "libusb-1.0-0"},
-    ),
+    "Open3D": (("open3d-cpu", "open3d"), raycasting.LIBRARIES),
     "Drake": (("drake",), {"libglib-2.0.so.0": "libglib2.0-0"}),
 }
 """Program -> the packages that hold it, and each library that it loads with that library's Debian package."""
@@ -84,7 +82,7 @@ def _libraries(lab: Examined) -> Finding:
     }
     if not used:
         return missing(f"neither {' nor '.join(LIBRARIES)} is installed, so nothing was tried", "make setup")
-    gone = [package for each in used.values() for name, package in each.items() if not readings.loads(name)]
+    gone = [package for each in used.values() for name, package in each.items() if not raycasting.loads(name)]
     if gone:
         return missing(f"cannot be loaded: {', '.join(gone)}", f"sudo apt-get install -y {' '.join(gone)}")
     return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import grp
 import importlib.metadata
 import os
@@ -34,15 +33,6 @@ def installed(package: str) -> str | None:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return None
-
-
-def loads(library: str) -> bool:
-    """Whether the dynamic linker finds and loads a library of this name."""
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
 
 
 def write_speed(folder: Path) -> tuple[float, float]:

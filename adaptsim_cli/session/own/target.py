@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from sim.adaptation.methods import kind_of
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import ActionImpossible, MomentsMissing, RecordingsRefused
-from sim.rollouts.recorded import RecordedTrials, frame_aside, start_offset_m
+from sim.rollouts.recorded import RecordedTrials, copied, frame_aside, start_offset_m
 from sim.solvers.misfit import observed_share
 from sim.solvers.readings import doubt
 from sim.tasks.library import library_of, main_file
@@ -176,6 +176,7 @@ class OwnTarget:
             np.array([one_question.context[name] for name in task.context.names]) for _, one_question in answers
         ]
         pairs = list(zip(answers, contexts, strict=True))
+        self._require_new(answers)
         aside = frame_aside([start_offset_m(task, one, context) for (one, _), context in pairs])
         if aside or self.expectations is None or len(answers) not in COMPARED_AT:
             return (aside,) if aside else ()
@@ -190,6 +191,17 @@ class OwnTarget:
             if sentence := doubt(self.expectations, trials):
                 return (f"so far the answers contradict their actions: {sentence}",)
         return ()
+
+    def _require_new(self, answers: Sequence[tuple[ObjectTrack, Question]]) -> None:
+        """Raises AnswerRefused if the first of these repeats the trajectory of another one, whose action differed."""
+        question = answers[0][1]
+        for track, earlier in answers[1:]:
+            names = (f"{earlier.trial}", f"{question.trial}")
+            if earlier.action != question.action and copied(self.task, names, (track, answers[0][0])):
+                raise AnswerRefused(
+                    f"it has the trajectory of trial {earlier.trial}, whose action was another: is this an old answer, "
+                    "or did the robot limit both actions alike? Then reject the trial"
+                )
 
     def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
         """See `Target`: the trajectory."""
@@ -257,8 +269,9 @@ def _explained(exchange: Exchange) -> Iterator[None]:
     try:
         yield
     except (AnswerRefused, MomentsMissing) as error:
+        stop = "" if str(error).endswith("?") else "."
         raise AnswerRefused(
-            f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
+            f"the answer to trial {exchange.question().trial} does not count: {error}{stop} It is kept in "
             f"{exchange.answer_file}: correct it there, or delete it to be asked again"
         ) from error
 

@@ -12,7 +12,7 @@ import pytest
 
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import earlier, keeping
+from adaptsim_cli.session import earlier, keeping, recording
 from adaptsim_cli.session.history import particles_of, played_of, results_of
 from adaptsim_cli.session.recorded.folder import read_recorded
 from adaptsim_cli.session.store import SessionStore
@@ -22,6 +22,7 @@ from sim.tasks import get_task
 
 DATA = Path(__file__).parents[2] / "data" / "earlier-formats"
 FORMATS = ("format-1", "format-2", "format-3", "format-4")
+FILMED = "format-1-camera"
 every_format = pytest.mark.parametrize("name", FORMATS)
 
 
@@ -109,6 +110,27 @@ def test_sessions_of_earlier_formats_are_recorded_trials(root: Path, monkeypatch
     actions = [table["action"] for name in chosen for table in stored_trials(root / name).values()]
     assert len(recorded) == len({tuple(action) for action in actions})
     assert {tuple(action) for action in recorded.actions.tolist()} == {tuple(action) for action in actions}
+
+
+def test_the_recordings_of_a_migrated_session_are_read_with_their_depth_as_png(root: Path) -> None:
+    folder = earlier.migrate(root, FILMED, "new")
+    recordings = sorted(folder.rglob(recording.FILE))
+    assert len(recordings) == 2
+    for path in recordings:
+        film = recording.read(path)
+        depth_m = np.stack([frame.depth_mm for frame in (film.before, *film.frames)]) / 1000.0
+        assert depth_m.shape == (3, 144, 160)
+        # The camera's height above the table bounds every reading of the table below it.
+        assert 0.4 < np.median(depth_m[depth_m > 0]) < 1.5 * film.X_BC[2, 3]
+
+
+@pytest.mark.long
+def test_a_migrated_session_is_tracked_again(root: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Its films were cut to their first two images, so the tracker has to say that they end too early."""
+    earlier.migrate(root, FILMED, "new")
+    assert app.run(["retrack", "new"]) != 0
+    said = " ".join(capfd.readouterr().err.split())
+    assert "2 of 2 trials cannot be tracked now; trial 1: the film ends at 0.06 s, and the motion at 1.00 s" in said
 
 
 def test_a_damaged_session_of_an_earlier_format_is_not_migrated(root: Path) -> None:

@@ -26,6 +26,7 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
 from calib.types import Check, Grade
 from hw.errors import Rehearsed
+from perception import raycasting
 from sim.adaptation.stages import TrialKey
 
 
@@ -50,6 +51,17 @@ def test_what_stays_is_not_said(now):
 )
 def test_what_drifts_is_said(now, said):
     assert said in str(drift(facts(), now))
+
+
+def test_a_missing_library_of_the_tracker_is_named_before_the_arm_moves(tmp_path, monkeypatch):
+    """Open3D is imported only for the first film; without this check, the arm had made its first motion by then."""
+    monkeypatch.setitem(raycasting.LIBRARIES, "libnosuch.so.9", "libnosuch9")
+    lab = ToyLab(0)
+    code, message = call(tmp_path, RUN, lab)
+    assert code != 0
+    assert "not ready, nothing has moved" in message
+    assert "cannot load libnosuch.so.9: sudo apt-get install -y libnosuch9" in message
+    assert lab.executions == []
 
 
 @dataclass

@@ -18,7 +18,7 @@ from sim.errors import UnknownName
 from sim.research.methods.q_policy import new_policy, tensors_of
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, naf_facts, rules_of
-from sim.rollouts import Requests, Rollouts
+from sim.rollouts.run import Requests, Rollouts
 from sim.tasks import get_task
 
 

@@ -1,12 +1,17 @@
-"""Storage and commands on file systems as they are: full, read-only; a clock that goes backwards."""
+"""Storage and commands on file systems as they are: full, read-only, without links or locks; a clock that
+goes backwards, and the end of summer time.
+"""
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import io
+import json
 import os
 import stat
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
@@ -110,6 +115,37 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
     assert len(calls) > 10
     assert digest_of(home / "data" / "sessions") == digest_of(whole / "data" / "sessions")
     assert call(home, ("sessions", "verify", "s"))[0] == 0
+
+
+@pytest.mark.long
+def test_a_session_over_the_end_of_summer_time_counts_in_utc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In Berlin, the hour from 2:00 to 3:00 comes twice on 25 October 2026: first as UTC+2, then as UTC+1."""
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    calls = []
+
+    class OverTheHour(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
+            calls.append(tz)
+            return (datetime(2026, 10, 25, 0, 30, tzinfo=UTC) + timedelta(minutes=10 * len(calls))).astimezone(tz)
+
+    try:
+        for module in (records, correcting):
+            monkeypatch.setattr(module, "datetime", OverTheHour)
+        assert call(tmp_path, RUN)[0] == 0
+        assert call(tmp_path, tuple("later" if word == "s" else word for word in RUN))[0] == 0
+        out = io.StringIO()
+        assert call(tmp_path, ("sessions", "list", "--json"), out=out)[0] == 0
+        assert call(tmp_path, ("sessions", "verify"))[0] == 0
+    finally:
+        monkeypatch.delenv("TZ")
+        time.tzset()
+    assert set(calls) == {UTC}, "every stored time says its offset, which is 0"
+    sessions = json.loads(out.getvalue())["sessions"]
+    assert [session["session"] for session in sessions] == ["s", "later"], "the newest is the last"
+    created = [datetime.fromisoformat(session["created"]) for session in sessions]
+    assert created == sorted(created)
 
 
 def test_a_session_on_a_stick_without_hard_links_and_flushed_folders(tmp_path: Path, monkeypatch) -> None:

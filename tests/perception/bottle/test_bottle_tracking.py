@@ -125,6 +125,15 @@ def test_a_bottle_that_is_taken_away_has_no_outcome_and_no_hand_is_taken_for_it(
     assert any("is not located in" in flag for flag in flags)
 
 
+def test_a_film_that_ends_before_the_motion_has_an_outcome_only_if_it_shows_the_fall() -> None:
+    """The camera's cable came loose: the bottle that still stood there was counted as missed, without a flag."""
+    frames = scene().film(TIMES[:4], bottle=lambda _: up(*MARK))
+    with pytest.raises(TrackingFailed, match=r"the film ends at 0\.20 s, and the motion at 0\.40 s"):
+        track(frames)
+    fallen = scene().film(TIMES[:5], bottle=lambda t: leaning(np.array(MARK), min(8 * (t - T0), 1.5), 0.0))
+    assert track(fallen).outcome is Outcome.TIPPED
+
+
 def test_a_bottle_that_slides_off_the_table_is_lost() -> None:
     def slides(t: float) -> Array:
         y = 1.0 * max(t - 0.1, 0.0)

@@ -55,8 +55,8 @@ def detection() -> PieceDetection:
     return find_piece(frame, scene().model, scene().X_BC, AREA)
 
 
-def film(piece: Motion, tool: Motion) -> list[Frame]:
-    return [Frame(t + T0, f.colour, f.depth_mm) for t in TIMES for f in (scene().shot(t, piece, tool),)]
+def film(piece: Motion, tool: Motion, times_s: Array = TIMES) -> list[Frame]:
+    return [Frame(t + T0, f.colour, f.depth_mm) for t in times_s for f in (scene().shot(t, piece, tool),)]
 
 
 @lru_cache
@@ -177,6 +177,12 @@ def test_a_piece_seen_in_one_frame_of_a_film_has_no_outcome() -> None:
     gone = at(*START, -1.0)
     with pytest.raises(OutcomeUnseen, match=r"seen in 1 of the trial's 23 frames"):
         track(film(lambda t: at(*START, HALF[2]) if t < 0.02 else gone, lambda _: AWAY), lambda _: AWAY)
+
+
+def test_a_film_that_ends_before_the_motion_has_no_outcome() -> None:
+    """The camera's cable came loose: the piece that lies there still was counted as missed, without a flag."""
+    with pytest.raises(TrackingFailed, match=r"the film ends at 0\.17 s, and the motion at 0\.60 s"):
+        track(film(scooped, scoop_tool, TIMES[:6]), scoop_tool)
 
 
 def test_a_piece_that_rolls_out_of_the_searched_area_is_lost() -> None:

@@ -19,7 +19,7 @@ from sim.adaptation.method import Iteration, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.direct import DRAWS, Direct
 from sim.adaptation.verdict import Kind
-from sim.rollouts import serial_executor
+from sim.rollouts.executors import serial_executor
 from sim.rollouts.kept import PART, KeptRollouts
 from sim.rollouts.run import Requests
 from sim.solvers.direct import DirectSolver, rollouts_of

@@ -15,7 +15,7 @@ from sim.research.naf.solver import NafSolver, in_session, measure_misfit_limit,
 from sim.research.pretraining.episodes import Simulator, SolverActing
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
-from sim.rollouts import Requests
+from sim.rollouts.run import Requests
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task

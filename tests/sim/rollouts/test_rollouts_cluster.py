@@ -15,9 +15,11 @@ from distributed import Client, LocalCluster
 from toy_task import TOY, equal_rollouts
 
 from sim.errors import ClusterUnavailable, RolloutError
-from sim.rollouts import cluster, run_many, serial_executor
+from sim.rollouts import cluster
 from sim.rollouts.cluster import dask_cluster
 from sim.rollouts.dataset import dataset_requests
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import run_many
 
 pytestmark = [
     pytest.mark.long,

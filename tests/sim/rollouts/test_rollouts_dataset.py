@@ -6,9 +6,10 @@ import pytest
 from toy_task import ACTION, TOY, Counted, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
-from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
-from sim.rollouts.dataset import AdaptiveSampling, build_share, dataset_requests
+from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share, dataset_requests, load_dataset
 from sim.rollouts.draws import cover, sobol
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.rollouts.shares import Share
 from sim.solvers.emulator.training import outcome_variance

@@ -12,9 +12,9 @@ from toy_task import TOY, equal_rollouts, simulate
 
 from perception.types import Outcome
 from sim.errors import RolloutError
-from sim.rollouts import Requests, process_pool, run_many, run_parts, serial_executor
 from sim.rollouts.dataset import dataset_requests
-from sim.rollouts.run import OUTCOMES
+from sim.rollouts.executors import process_pool, serial_executor
+from sim.rollouts.run import OUTCOMES, Requests, run_many, run_parts
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
 from sim.tasks.scooping import rollout as scooping_rollout

@@ -38,6 +38,30 @@ def test_one_sample_off_the_way_is_named(push: ObjectTrack) -> None:
     assert "mm off its way" in sentence(replace(push, state=state))
 
 
+def test_places_that_are_repeated_between_measurements_are_named(push: ObjectTrack) -> None:
+    """A tracker at 5 Hz, written down at 30 Hz: the object seems to lag behind by up to 0.2 s."""
+
+    def held(count: int) -> ObjectTrack:
+        return replace(push, state=push.state[(np.arange(len(push.t_s)) // count) * count])
+
+    assert "its place is new only every 0.2 s while the object moves" in sentence(held(6))
+    assert sentence(held(1)) == ""
+    for resolution_m in (0.001, 0.02):
+        rounded = replace(push, state=np.round(push.state / resolution_m) * resolution_m)
+        assert sentence(rounded) == "", "a coarse resolution repeats places too"
+
+
+def test_a_tracker_that_stops_while_the_object_moves_is_named(push: ObjectTrack) -> None:
+    speed_m_s = np.linalg.norm(np.diff(push.state[:, :2], axis=0), axis=1) * 30
+    fastest = int(speed_m_s.argmax())
+    state = np.array(push.state)
+    state[fastest + 1 :] = state[fastest + 1]
+    stopped = replace(push, state=state)
+    assert f"until {push.t_s[fastest + 1]:.3g} s, and from then on its place is the same" in sentence(stopped)
+    fell = replace(stopped, outcome=Outcome.TIPPED)
+    assert "same to the last digit" not in sentence(fell), "a fallen bottle counts as staying where it fell"
+
+
 @pytest.mark.long  # four rollouts
 def test_an_object_that_is_carried_away_after_its_rest_is_named(push: ObjectTrack) -> None:
     rest, home = push.state[-1], push.state[0]

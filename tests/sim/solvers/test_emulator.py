@@ -9,7 +9,7 @@ from toy_task import TOY
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, DatasetError
-from sim.rollouts import Dataset
+from sim.rollouts.dataset import Dataset
 from sim.solvers.emulator.network import Emulator, encode, rescaled_to
 from sim.solvers.emulator.training import _temperature, forward, train_emulator, with_mirror_images
 from sim.solvers.threads import one_blas_thread

@@ -14,7 +14,8 @@ from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
-from sim.rollouts import run_many, serial_executor
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import run_many
 from sim.solvers.candidates import with_listed_actions
 from sim.solvers.grid import GRID, NUISANCES, grid_behind, grid_solver
 from sim.tasks.pendulum import TASK as PENDULUM

@@ -25,8 +25,8 @@ from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
 from sim.research.benchmark.tables import PlannedTable
 from sim.research.benchmark.trial_sources import TableTrials
-from sim.rollouts import Dataset, build_dataset, serial_executor
-from sim.rollouts.dataset import dataset_requests
+from sim.rollouts.dataset import Dataset, build_dataset, dataset_requests
+from sim.rollouts.executors import serial_executor
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
 from sim.solvers.grid import grid_solver

@@ -15,7 +15,7 @@ from sim.research.pretraining import for_object
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.for_object import is_inside, make_ready
 from sim.research.pretraining.pipeline import pretrain
-from sim.rollouts import serial_executor
+from sim.rollouts.executors import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks import get_task
 from sim.tasks.fingerprint import fingerprint

@@ -13,11 +13,11 @@ from perception.types import Outcome
 from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.adaptation.simulators import Simulators
-from sim.rollouts import run_many, serial_executor
 from sim.rollouts.dataset import Dataset, draw_requests
+from sim.rollouts.executors import serial_executor
 from sim.rollouts.kept import KeptRollouts
 from sim.rollouts.reward_soundness import reward_complaints
-from sim.rollouts.run import Requests, Rollouts, concatenate
+from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
 from sim.rollouts.sampled_rollouts import SampledRollout
 from sim.rollouts.shards import read_rollouts, write_rollouts
 from sim.solvers.direct import DirectSolver

@@ -110,6 +110,20 @@ def test_a_command_that_does_not_exist_says_so(place: Path) -> None:
         run(place.parent / "home", program("no-such-robot --go"))
 
 
+def test_an_old_answer_under_a_new_number_is_refused(place: Path) -> None:
+    """A program that always prints the last trajectory it finds, whatever was asked."""
+    stale = """
+import json, sys
+q = json.load(sys.stdin)
+x, y = 0.68, 0.0
+state = [[x + 0.02 * min(i, 8), y, 0.02] for i in range(12)]
+print(json.dumps({"trial": q["trial"], "t_s": [0.1 * i for i in range(12)], "state": state, "outcome": "on_table"}))
+"""
+    with pytest.raises(AnswerRefused, match="it has the trajectory of trial 1, whose action was another"):
+        run(place.parent / "home", program(robot(place, stale)))
+    assert len(trials_of(stored(place.parent / "home"))) == 1
+
+
 def test_a_deleted_answer_is_asked_for_again(place: Path) -> None:
     home, failing = place.parent / "home", robot(place, "open(RUNS, 'a').write('run\\n')\nprint('[]')")
     with pytest.raises(AnswerRefused, match="a JSON list"):

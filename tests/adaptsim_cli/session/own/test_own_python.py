@@ -104,7 +104,7 @@ PROGRAM = """
 import json, math, sys
 q = json.load(sys.stdin)
 yaw, speed = q["action"]["yaw"], q["action"]["speed"]
-ways = [speed * min(t / 20, 0.5) for t in range(40)]
+ways = [speed * (s - s * s / 2) for s in (min(t / 20, 1.0) for t in range(40))]
 state = [[0.56 + way * math.cos(yaw), way * math.sin(yaw), 0.035] for way in ways]
 print(json.dumps({"trial": q["trial"], "t_s": [t / 20 for t in range(40)], "state": state, "outcome": "upright"}))
 """

@@ -17,8 +17,8 @@ from sim.research.benchmark.run import Results, run_jobs
 from sim.research.benchmark.sessions import Conditions, choose_oracle, estimated_reward, run_session
 from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials
-from sim.rollouts import serial_executor
 from sim.rollouts.dataset import draw_requests
+from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Rollouts
 from sim.tasks import get_task
 

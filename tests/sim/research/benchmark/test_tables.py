@@ -13,7 +13,7 @@ from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
 from sim.research.benchmark.tables import MANIFEST, PlannedTable, load_table, table_requests
 from sim.research.benchmark.trial_sources import TableTrials
-from sim.rollouts import serial_executor
+from sim.rollouts.executors import serial_executor
 from sim.rollouts.shares import Share
 
 TRUTH = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))

@@ -8,8 +8,8 @@ import pytest
 from moving_task import TASK, simulate
 
 from sim.research.pretraining.growth import GROWN, enough_rollouts
-from sim.rollouts import serial_executor
 from sim.rollouts.cost import RolloutCost, duration, measured_cost
+from sim.rollouts.executors import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.storage.files import read_toml
 

@@ -38,7 +38,7 @@ from sim.research.pretraining.meta_training import (
     train_adaptation,
 )
 from sim.research.pretraining.pipeline import WORTH, pretrain
-from sim.rollouts import serial_executor
+from sim.rollouts.executors import serial_executor
 from sim.tasks import get_task
 from sim.tasks.task import SolverSettings
 

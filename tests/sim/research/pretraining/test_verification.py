@@ -13,7 +13,8 @@ from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.verification import CardFigure, verify_figures
-from sim.rollouts import run_many, serial_executor
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import run_many
 
 EVALUATION = EvaluationReport(
     kind="paper",

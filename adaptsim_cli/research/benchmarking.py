@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.sealed import Seal, code_version, seal_of
 from adaptsim_cli.research.working import working_in
 from adaptsim_cli.research.world_tables import comma_separated, scene_keys, tables_folder
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 

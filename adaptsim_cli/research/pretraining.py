@@ -17,11 +17,9 @@ from adaptsim_cli.research.working import working_in
 
 if TYPE_CHECKING:
     from sim.research.pretraining.budget import OptionalStages, PretrainBudget
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
-
-StageProgress = Callable[[str, int, int], None]
-"""(stage, done, total)"""
 
 ROLLOUTS, QUICK = 240, 96
 """True rollouts of a verification: half a minute of one core, and about ten seconds."""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.sealed import seal_of
 from adaptsim_cli.research.working import working_in
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from sim.lab.physics import Physics
     from sim.research.benchmark.tables import PlannedTable
     from sim.research.benchmark.worlds import BenchmarkWorld
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 

@@ -103,9 +103,9 @@ class SessionCourse:
 
     @property
     def first_success(self) -> int | None:
-        """Trials until the end of the iteration with the first success; None: none succeeded."""
-        succeeded = [trial.reward > FAILED for trial in self.trials]
-        return self.each * (succeeded.index(True) // self.each + 1) if True in succeeded else None
+        """Trials until the end of the iteration with the first reward above `FAILED`; None: there is none."""
+        rewarded = [trial.reward > FAILED for trial in self.trials]
+        return self.each * (rewarded.index(True) // self.each + 1) if True in rewarded else None
 
     @property
     def differences(self) -> Array:

@@ -1,7 +1,4 @@
-"""The interface of a lab, real or simulated: its description, known without any device, and its devices.
-
-`makers_drivers` names the drivers of real ones.
-"""
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices."""
 
 from __future__ import annotations
 
@@ -106,18 +103,3 @@ class Drivers:
     pedal: Callable[[PedalPart], Pedal]
     balance: Callable[[BalancePart], Balance]
     hand: Callable[[str, str, Pedal | None], Hand]  # of the arm's model, at a host; with a pedal it moves while held
-
-
-def makers_drivers() -> Drivers:
-    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
-    from adaptsim_cli.bench.rig_file.devices import BALANCE, PEDAL
-    from hw.franka.arm import open_franka
-    from hw.franka.hand_process import HandProcess
-
-    return Drivers(
-        arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
-        camera=lambda part, infrared: part.camera(infrared=infrared),
-        pedal=PEDAL.driver,
-        balance=BALANCE.driver,
-        hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
-    )

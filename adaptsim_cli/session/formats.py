@@ -41,8 +41,8 @@ class Export:
         from adaptsim_cli.session.exporting import written
 
         paths = list[Path]()
-        for done, record in enumerate(self.records):
-            self.progress("trials", done + 1, len(self.records))
+        for number, record in enumerate(self.records, start=1):
+            self.progress("trials", number, len(self.records))
             try:
                 trial = replaying.open_trial(self.store, record)
             except UsageError as error:

@@ -80,7 +80,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(
     touch_offs(there.config, there.places).save(saved)
     with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
         assert isinstance(real.rig.attendant, PersonBeside)
-        assert real.rig.attendant.mounted.correction == saved.correction(), "not the rig file's table and tool"
+        assert real.rig.attendant.mounted_task.correction == saved.correction(), "not the rig file's table and tool"
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 

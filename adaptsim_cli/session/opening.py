@@ -54,7 +54,7 @@ from sim.tasks import files_of
 from sim.tasks.task import Executable, Expectations, Policies, Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.bench.devices.lab import Drivers
+    from adaptsim_cli.bench.devices.drivers import Drivers
     from sim.adaptation.checkpoint import Checkpoint
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from adaptsim_cli.bench.devices.lab import Drivers, Lab
+from adaptsim_cli.bench.devices.drivers import Drivers
+from adaptsim_cli.bench.devices.lab import Lab
 from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.config import Config, places
 from adaptsim_cli.errors import UsageError
@@ -32,26 +33,12 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen:
         )
 
 
-def makers_drivers() -> Drivers:
-    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
-    from adaptsim_cli.bench.rig_file.devices import BALANCE, PEDAL
-    from hw.franka.arm import open_franka
-    from hw.franka.hand_process import HandProcess
-
-    return Drivers(
-        arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
-        camera=lambda part, infrared: part.camera(infrared=infrared),
-        pedal=PEDAL.driver,
-        balance=BALANCE.driver,
-        hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
-    )
-
-
 def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drivers: Drivers | None = None) -> None:
     """Connect the arm of `rig` alone; if its stop button is due, have it pressed and released. Nothing moves.
 
     Raises StoppedByOperator, DeviceUnavailable.
     """
+    from adaptsim_cli.bench.devices.drivers import makers_drivers
     from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
     from adaptsim_cli.bench.devices.real import RealLab
     from sim.tasks import get_task
@@ -78,6 +65,7 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
             f"--realtime slows the simulated lab down, but this is a real arm ({config.hw}). Leave out --realtime, and "
             "remove it from the settings and from ADAPTSIM_REALTIME"
         )
+    from adaptsim_cli.bench.devices.drivers import makers_drivers
     from adaptsim_cli.bench.devices.real import RealLab
     from adaptsim_cli.bench.rig_file.claims import rig_claims
     from adaptsim_cli.bench.rig_file.reading import gaps, in_words, rig_of, tasks_with_tools

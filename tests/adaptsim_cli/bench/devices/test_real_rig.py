@@ -102,7 +102,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(place, monkey
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "hand", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.bench.devices.opening.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.bench.devices.drivers.makers_drivers", devices.drivers)
         assert f"pip install {lacking}-driver==1.0" in refused(3, *run)
         assert devices.arm is None or not devices.arm.executed
     write_rig(place.parent / "home", RIG.replace("mass_kg = 0.12", "mass_kg = 12"))

@@ -157,7 +157,7 @@ def test_the_command_names_a_missing_driver(
     monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda *said: None)
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(hand=FakeHand(), lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.bench.devices.opening.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.bench.devices.drivers.makers_drivers", devices.drivers)
         typing(monkeypatch, "q")
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err

@@ -103,9 +103,8 @@ def score(result: SavedTouchOff, truth: dict[str, Any]) -> Score:
     }
     error = {name: scale * (e.value - true) for name, (e, true, scale) in pairs.items()}
     within = {name: scale * e.within for name, (e, _, scale) in pairs.items()}
-    return Score(
-        error, within, 1e3 * edge_m(result, truth), 1e3 * result.edge_over_table_m, 1e3 * result.edge_too_high_m
-    )
+    lift_mm = 1e3 * result.edge_over_table_m
+    return Score(error, within, 1e3 * edge_m(result, truth), lift_mm, 1e3 * result.edge_too_high_m)
 
 
 def edge_m(result: SavedTouchOff, truth: dict[str, Any]) -> float:

@@ -171,12 +171,12 @@ class OutcomePosterior:
         return self._candidates.predicted
 
     @cached_property
-    def _trajectoryweights_of(self) -> Array:
+    def _trajectory_weights(self) -> Array:
         """(K,) weights by the trajectories only; the noise of trials is averaged with them."""
         return weights_of(self._log_trajectory_weights)
 
     @cached_property
-    def _log_trajectoryweights_of(self) -> Array:
+    def _log_trajectory_weights(self) -> Array:
         """(K,) logarithms of these weights, up to a constant."""
         by_trajectories = self._predicted.log_likelihood.sum(axis=0)
         return np.asarray(self._candidates.log_prior + self.simulators.strengths.weights * by_trajectories)

@@ -28,15 +28,15 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    kept, total = Kept(asked.out), Found()
+    store, total = Kept(asked.out), Found()
     for block in range(-(-asked.count // BLOCK)):
         seed, model, count = asked.seed + block, ("panda", "fr3")[block % 2], min(BLOCK, asked.count - block * BLOCK)
-        done = kept.row(model, seed, partial(hunted, model, count, seed))
-        total.reached.update(done["reached"])
-        total.refused.update(done["refused"])
-        total.stops += done["stops"]
-        total.longest_stop_s = max(total.longest_stop_s, done["longest_stop_s"])
-        total.wrong += done["wrong"]
+        row = store.row(model, seed, partial(hunted, model, count, seed))
+        total.reached.update(row["reached"])
+        total.refused.update(row["refused"])
+        total.stops += row["stops"]
+        total.longest_stop_s = max(total.longest_stop_s, row["longest_stop_s"])
+        total.wrong += row["wrong"]
         tell(total)
     for text in total.wrong:
         sys.stdout.write(f"WRONG {text}\n")

@@ -81,7 +81,7 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         for row in pool.map(one, range(arguments.worlds)):
             rows.append(row)
-            print(told(row), flush=True)
+            print(row_in_words(row), flush=True)
     print(json.dumps(summary(task, rows)))
 
 
@@ -156,7 +156,7 @@ def task_succeeded(row: Row, which: int = 0) -> bool:
     return row.outcome[which] in (Outcome.ON_BLADE.value, Outcome.UPRIGHT.value)
 
 
-def told(row: Row) -> str:
+def row_in_words(row: Row) -> str:
     if row.refused:
         return f"{row.number}: no trial: {row.refused}"
     verdict = (

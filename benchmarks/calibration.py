@@ -114,11 +114,11 @@ def _others(views: Sequence[View], setup: Setup, truth: Truth) -> tuple[dict[str
     sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
     X_AH = motion_of(views, setup.mounting, forward).X_AH(np.zeros(7))
     start = time.process_time()
-    found = opencv_methods(X_AH, sight.X_CM[0])
+    by_method = opencv_methods(X_AH, sight.X_CM[0])
     seconds = time.process_time() - start
     return {
         name: (distance_mm(X, truth.X_AC), angle_deg(X, truth.X_AC), _worst(X, truth.X_AC, setup))
-        for name, X in found.items()
+        for name, X in by_method.items()
     }, seconds
 
 
@@ -136,8 +136,8 @@ def _drift(
         axes = rng.standard_normal((2, 3))
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         now = Truth(move(truth.X_AC, (size[:, None] * axes).ravel()), truth.X_HM, truth.offsets_rad)
-        found = drift(seen(setup, now, forward, q, quality, rng), setup, forward, *was)
-        out[name] = (found.moved, found.rms_px)
+        check = drift(seen(setup, now, forward, q, quality, rng), setup, forward, *was)
+        out[name] = (check.moved, check.rms_px)
     return out
 
 
@@ -213,18 +213,18 @@ def summary(case: Case, rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def show(found: dict[str, Any]) -> None:
+def show(report: dict[str, Any]) -> None:
     """The table of one case."""
-    print(f"\n{found['case']}, {found['seeds']} seeds; median / p95, bar on p95: {found['bar_p95']}")
+    print(f"\n{report['case']}, {report['seeds']} seeds; median / p95, bar on p95: {report['bar_p95']}")
     print(f"{'method':<12}{'mm':>18}{'degrees':>18}{'work volume mm':>20}")
-    for name, row in {**found["opencv"], "ours": found["ours"]}.items():
+    for name, row in {**report["opencv"], "ours": report["ours"]}.items():
         columns = (
             f"{row[k][0]:>{w - 9}.3f} / {row[k][1]:<6.3f}" for k, w in (("mm", 18), ("deg", 18), ("work_mm", 20))
         )
         print(f"{name:<12}{''.join(columns)}")
-    for key in sorted(found.keys() - {"case", "seeds", "ours", "opencv", "bar_p95", "stated"}, key=list(found).index):
-        print(f"  {key}: {found[key]}")
-    for name, row in found["stated"].items():
+    for key in sorted(report.keys() - {"case", "seeds", "ours", "opencv", "bar_p95", "stated"}, key=list(report).index):
+        print(f"  {key}: {report[key]}")
+    for name, row in report["stated"].items():
         print(f"  stated error, {name}: {row}")
 
 
@@ -234,12 +234,12 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     options = parser.parse_args()
-    kept = Kept(options.keep)
+    store = Kept(options.keep)
     for case in CASES:
         rows = []
         for seed in range(options.first_seed, options.first_seed + options.seeds):
             try:
-                rows.append(kept.row(case.name, seed, partial(one, seed, case)))
+                rows.append(store.row(case.name, seed, partial(one, seed, case)))
             except CalibrationError as error:
                 print(f"{case.name}, seed {seed}: {error}", file=sys.stderr)
         show(summary(case, rows))

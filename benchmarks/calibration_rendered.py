@@ -110,10 +110,10 @@ def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
             lab.bench.place(np.array(xy_m), trial, 0)
             truth = np.array(lab.truth()["trials"][-1]["X_BO_placed"])[:2, 3]
             try:
-                found = tracker.find(lab.camera.snapshot(), lab.camera.model(), X_BC)
+                detection = tracker.find(lab.camera.snapshot(), lab.camera.model(), X_BC)
             except PerceptionError:
                 continue
-            off.append(1e3 * float(np.linalg.norm(np.asarray(found.xy_m) - truth)))
+            off.append(1e3 * float(np.linalg.norm(np.asarray(detection.xy_m) - truth)))
     return float(np.mean(off)) if off else float("nan")
 
 
@@ -152,12 +152,12 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     parser.add_argument("--case", choices=list(CASES), default="noise")
     args = parser.parse_args()
-    kept = Kept(args.keep)
+    store = Kept(args.keep)
     rows = list[Row]()
     for seed in range(args.first, args.first + args.seeds):
-        row = kept.row(args.case, seed, partial(one, args.case, seed))
+        row = store.row(args.case, seed, partial(one, args.case, seed))
         rows.append(row)
-        print(f"seed {seed}: {told(row)}", flush=True)
+        print(f"seed {seed}: {row_in_words(row)}", flush=True)
     p95 = {name: float(np.percentile([r[name] for r in rows], 95)) for name in ("mm", "deg", "held_out_px")}
     mean = {name: 100 * float(np.mean([r[name] for r in rows])) for name in ("dropped", "lost")}
     covered = 100 * float(np.mean([r["worst_mm"] <= r["worst_95_mm"] for r in rows]))
@@ -169,7 +169,7 @@ def main() -> None:
     print(f"object found {before:.2f} mm off before, {after:.2f} mm after")
 
 
-def told(row: Row) -> str:
+def row_in_words(row: Row) -> str:
     adopted = "adopted" if row["offsets"] else "not adopted"
     return (
         "{mm:.3f} mm {deg:.4f}°, worst corner {worst_mm:.2f} mm, stated {worst_95_mm:.2f}, "

@@ -67,8 +67,8 @@ def calibrated(seed: int) -> tuple[Array, Array]:
     truth = Truth(default_X_BC(), X_FM, joint_zeros(seed, SENSING.joint_offset_mrad))
     q_rad = random_poses(setup, truth, forward, BOUNDS, VIEWS, rng, (0.45, 1.15))
     noise = Quality(0.1, 1e-3 * SENSING.encoder_noise_mrad)
-    found = solve(seen(setup, truth, forward, q_rad, noise, rng), setup, forward)
-    return found.X_AC, np.zeros(7) if found.joints is None else found.joints.offsets_rad
+    solution = solve(seen(setup, truth, forward, q_rad, noise, rng), setup, forward)
+    return solution.X_AC, np.zeros(7) if solution.joints is None else solution.joints.offsets_rad
 
 
 def pushes(seed: int) -> list[Push]:
@@ -114,13 +114,13 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     args = parser.parse_args()
-    kept = Kept(args.keep)
+    store = Kept(args.keep)
     rows: dict[str, list[dict[str, float]]] = {"before": [], "after": []}
     for seed in range(args.first, args.first + args.seeds):
-        made = kept.row("use", seed, partial(one, seed))
+        made = store.row("use", seed, partial(one, seed))
         for name, all_rows in rows.items():
             all_rows.extend(made[name])
-        print(f"seed {seed}: {told(made['before'])}  ->  {told(made['after'])}", flush=True)
+        print(f"seed {seed}: {rows_in_words(made['before'])}  ->  {rows_in_words(made['after'])}", flush=True)
     print(f"\n{args.seeds} labs, {PUSHES} pushes each; mm: median / 95th percentile")
     print(f"{'':<10}" + "".join(f"{name:>18}" for name in NAMES) + f"{'refused':>12}")
     for name, all_rows in rows.items():
@@ -129,7 +129,7 @@ def main() -> None:
         print(f"{name:<10}{cells}{sum(np.isnan(r['found_mm']) for r in all_rows):>9} of {len(all_rows)}")
 
 
-def told(rows: list[dict[str, float]]) -> str:
+def rows_in_words(rows: list[dict[str, float]]) -> str:
     return ", ".join(f"found {r['found_mm']:.2f} tracked {r['tracked_mm']:.2f}" for r in rows)
 
 

@@ -180,7 +180,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=41)
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
-    kept = Kept(args.out)
+    store = Kept(args.out)
     solvers = {name: load_checkpoint(get_task(name), usual_checkpoint(get_task(name))).solver for name in args.tasks}
     if "pushing" in solvers:
         rows = table(solvers["pushing"].task, args.seed, 0, args.trials)
@@ -191,7 +191,7 @@ def main() -> None:
     alarms = 0
     for name, solver in solvers.items():
         for number in range(args.worlds):
-            row = kept.row(name, number, partial(sound, solver, args.seed, number))
+            row = store.row(name, number, partial(sound, solver, args.seed, number))
             alarms += bool(row["refused"])
             sys.stdout.write(f"{name} {number}: {row['trials']} trials: {row['refused'] or 'read'}\n")
             sys.stdout.flush()

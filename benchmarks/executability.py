@@ -80,25 +80,25 @@ def examine(
     hardware = task.require_hardware()
     cell = replace(cell_as_shipped(hardware, model), keep_out=keep_out)
     q_home = home(hardware.X_FT, cell)
-    found = []
+    motions = []
     for context, action in trials:
         motion = hardware.plan(context, action)
         start = time.process_time()
         try:
             _, path, back = trial_paths(motion, hardware.X_FT, cell, q_home, carries=hardware.carries)
         except NotExecutable as error:
-            found.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
+            motions.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
             continue
         cpu_s = time.process_time() - start
         report = cell.check(path)
         stops = check_braking(path, cell.motion, STOPS_EVERY_S)
         if not stops.ok:
-            found.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
+            motions.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
             continue
         tightest = max((c for c in report.checks if c.quantity in JOINT_QUANTITIES), key=lambda c: c.ratio)
         what = f"{tightest.where}, {tightest.quantity}"
         lean_rad = np.arcsin((forward(back.q_rad) @ hardware.X_FT)[:, 2, 1])
-        found.append(
+        motions.append(
             Motion(
                 context,
                 action,
@@ -110,25 +110,25 @@ def examine(
                 tuple(stops.duration_s),
             )
         )
-    return found
+    return motions
 
 
-def show(task: Task, model: str, found: list[Motion]) -> None:
-    ratios = np.array([m.ratio for m in found])
-    cpu_s = np.array([m.cpu_s for m in found])
+def show(task: Task, model: str, motions: list[Motion]) -> None:
+    ratios = np.array([m.ratio for m in motions])
+    cpu_s = np.array([m.cpu_s for m in motions])
     good = ratios <= ALLOWED
-    print(f"{model}: {good.sum()} of {len(found)} motions executable (every ratio <= {ALLOWED:g})")
+    print(f"{model}: {good.sum()} of {len(motions)} motions executable (every ratio <= {ALLOWED:g})")
     if good.any():
         quantiles = np.quantile(ratios[good], [0.5, 0.9, 1.0])
         print(f"  ratio of those: median {quantiles[0]:.3f}, 90 % {quantiles[1]:.3f}, worst {quantiles[2]:.3f}")
-        stops_s = np.concatenate([m.stops_s for m in found if m.ratio <= ALLOWED])
+        stops_s = np.concatenate([m.stops_s for m in motions if m.ratio <= ALLOWED])
         half, most, longest = np.quantile(stops_s, [0.5, 0.99, 1.0])
         print(f"  {len(stops_s)} stops of those: median {half:.3f} s, 99 % {most:.3f} s, longest {longest:.3f} s")
     if task.require_hardware().carries and good.any():
-        gentle = sum(m.home_lean_rad < GENTLE_LEAN_RAD for m in found if m.ratio <= ALLOWED)
+        gentle = sum(m.home_lean_rad < GENTLE_LEAN_RAD for m in motions if m.ratio <= ALLOWED)
         print(f"  the tool stays level across on the way home of {gentle} of them")
     print(f"  planning a trial on one core: median {np.median(cpu_s):.2f} s, longest {cpu_s.max():.2f} s")
-    for motion in sorted(found, key=lambda m: -m.ratio)[:5]:
+    for motion in sorted(motions, key=lambda m: -m.ratio)[:5]:
         where = ", ".join(
             f"{d.name} {v:.3g}"
             for d, v in zip(
@@ -148,9 +148,9 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
     figure, axes = plt.subplots(len(results), 1, figsize=size, squeeze=False, layout="constrained")
     light = plt.get_cmap("YlOrBr")(np.linspace(0.05, 0.6, 64))  # black text stays readable
     colours = ListedColormap(light).with_extremes(bad="0.35")
-    for axis, (model, found) in zip(axes[:, 0], results.items(), strict=True):
+    for axis, (model, motions) in zip(axes[:, 0], results.items(), strict=True):
         places: dict[tuple[float, float], list[Motion]] = {}
-        for motion in found:
+        for motion in motions:
             places.setdefault((float(motion.action[0]), float(motion.action[1])), []).append(motion)
         xs, ys = (sorted({place[k] for place in places}) for k in (0, 1))
         worst = np.full((len(ys), len(xs)), np.nan)
@@ -165,8 +165,8 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
         image = axis.pcolormesh(
             xs, ys, worst, vmin=0.5, vmax=ALLOWED, cmap=colours, shading="nearest", edgecolors="white"
         )
-        share = sum(m.ratio <= ALLOWED for m in found)
-        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}: {share} of {len(found)} executable")
+        share = sum(m.ratio <= ALLOWED for m in motions)
+        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}: {share} of {len(motions)} executable")
         axis.set(xticks=xs, yticks=ys)
         axis.tick_params(labelsize=9)
     label = f"largest ratio of any joint to its limit (allowed: {ALLOWED:g})"

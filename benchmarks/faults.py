@@ -270,7 +270,7 @@ def one(kind: str, number: int, seed: int) -> dict[str, Any]:
         return asdict(next(play for kinds, play in parts if kind in kinds)())
 
 
-def campaign(each: int, pairs: int, seed: int, kept: Kept, share: tuple[int, int] = (1, 1)) -> Iterator[Outcome]:
+def campaign(each: int, pairs: int, seed: int, store: Kept, share: tuple[int, int] = (1, 1)) -> Iterator[Outcome]:
     """Every kind until it had an effect `each` times, then `pairs` of two faults; only a share (k of n) of all."""
     part, parts = share
     for kind, least in [*((kind, each) for kind in KINDS), (PAIR, pairs)]:
@@ -279,7 +279,7 @@ def campaign(each: int, pairs: int, seed: int, kept: Kept, share: tuple[int, int
         for number in range(part - 1, MOST_TRIES * least, parts):
             if effective >= wanted:
                 break
-            outcome = Outcome(**kept.row(kind, number, partial(one, kind, number, seed)))
+            outcome = Outcome(**store.row(kind, number, partial(one, kind, number, seed)))
             effective += outcome.effective
             yield outcome
 
@@ -297,22 +297,22 @@ def main() -> int:
         return table([Outcome(**json.loads(line)["row"]) for path in asked.table for line in path.open()])
     gc.freeze()  # a player collects garbage before every motion: only what is new
     part, parts = (int(number) for number in asked.share.split("/"))
-    found = []
+    outcomes = []
     for outcome in campaign(asked.each, asked.pairs, asked.seed, Kept(asked.out), (part, parts)):
-        found.append(outcome)
+        outcomes.append(outcome)
         for note in outcome.wrong:
             print(f"WRONG {outcome.kind}, {outcome.motion}: {note}", flush=True)
-        if len(found) % 50 == 0:
-            print(summary(found), flush=True)
-    return table(found)
+        if len(outcomes) % 50 == 0:
+            print(summary(outcomes), flush=True)
+    return table(outcomes)
 
 
-def table(found: list[Outcome]) -> int:
+def table(outcomes: list[Outcome]) -> int:
     """Print a row per kind, the broken promises, and the sum."""
     print("| kind | effective of drawn | trial, calibration | at rest within | broke a promise |")
     print("|---|---|---|---|---|")
     by_kind: dict[str, list[Outcome]] = {}
-    for outcome in found:
+    for outcome in outcomes:
         by_kind.setdefault(PAIR if outcome.kind.startswith(PAIR) else outcome.kind, []).append(outcome)
     for kind, rows in by_kind.items():
         effective = [row for row in rows if row.effective]
@@ -321,15 +321,15 @@ def table(found: list[Outcome]) -> int:
         slowest_s = max((row.stop_s for row in rows), default=0.0)
         rest = f"{slowest_s:.3f} s" if slowest_s else ""
         print(f"| {kind} | {len(effective)} of {len(rows)} | {where} | {rest} | {sum(bool(r.wrong) for r in rows)} |")
-    print(f"\n{summary(found)}")
-    broken = [f"{row.kind}, {row.motion}: {note}" for row in found for note in row.wrong]
+    print(f"\n{summary(outcomes)}")
+    broken = [f"{row.kind}, {row.motion}: {note}" for row in outcomes for note in row.wrong]
     print("".join(f"WRONG {text}\n" for text in broken), end="")
     return 1 if broken else 0
 
 
-def summary(found: list[Outcome]) -> str:
-    effective, broken = sum(row.effective for row in found), sum(bool(row.wrong) for row in found)
-    return f"{len(found)} faults, {effective} effective, {broken} broke a promise"
+def summary(outcomes: list[Outcome]) -> str:
+    effective, broken = sum(row.effective for row in outcomes), sum(bool(row.wrong) for row in outcomes)
+    return f"{len(outcomes)} faults, {effective} effective, {broken} broke a promise"
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ def cpu_s(work: Callable[[], T]) -> tuple[float, T]:
 def session(sizes: Sequence[int], plot: Path | None) -> None:
     """One session, measured at every size; a report is drawn only there, and the figure is updated."""
     resolved = config.load({"task": "pendulum", "world": "wd", "seed": 0})
-    screen, reports, found = Screen(console=Console(file=StringIO(), width=80)), Reports(), list[Size]()
+    screen, reports, rows = Screen(console=Console(file=StringIO(), width=80)), Reports(), list[Size]()
     opened, read = [0], records.read
 
     def counted(kind: type[AnyRecord], path: Path) -> AnyRecord:
@@ -108,13 +108,13 @@ def session(sizes: Sequence[int], plot: Path | None) -> None:
                 size_mb = page.stat().st_size / 1e6
                 mean_s = float(np.mean(took_s[-NEAR:]))
                 size = Size(trials, mean_s, report_s, size_mb, one, peak_mb)
-                found.append(size)
+                rows.append(size)
                 print(
                     f"{trials:6d}  {mean_s:7.2f} s  {report_s:4.2f} s  {size_mb:4.1f} MB  {one:12d}  {peak_mb:8.0f} MB",
                     flush=True,
                 )
                 if plot is not None:
-                    draw(found, plot)
+                    draw(rows, plot)
     vars(records)["read"] = read
 
 
@@ -155,12 +155,12 @@ def film(folder: Path, count: int) -> str:
     return f"compressed in {written_s:.2f} s, read in {read_s:.2f} s, {len(content) / 1e6:.1f} MB"
 
 
-def draw(found: Sequence[Size], path: Path) -> None:
+def draw(sizes: Sequence[Size], path: Path) -> None:
     """The figure: time, memory and page against trials."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - only for the figure
 
     figure, axes = plt.subplots(1, 3, figsize=(9, 2.8), layout="constrained")
-    trials = [size.trials for size in found]
+    trials = [size.trials for size in sizes]
     for axis, (title, unit, lines) in zip(
         axes,
         (
@@ -171,7 +171,7 @@ def draw(found: Sequence[Size], path: Path) -> None:
         strict=True,
     ):
         for label, name in lines.items():
-            axis.plot(trials, [asdict(size)[name] for size in found], marker="o", label=label)
+            axis.plot(trials, [asdict(size)[name] for size in sizes], marker="o", label=label)
         axis.set(title=title, xlabel="trials", ylabel=unit, xlim=(0, None))
         axis.set_ylim(0, 1.1 * axis.get_ylim()[1])
         axis.legend(frameon=False)

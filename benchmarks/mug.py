@@ -124,10 +124,10 @@ def survey(
     X_BD = table_frame(table)
     scan = Scan(ImageRegion(model.depth, X_BD, everything.rows, everything.columns))
     near = np.where(depth_m < most_m, frame.depth_mm, np.uint16(0))
-    found = [_standing(scan, thing) for thing in things(scan, near, NO_ARM)]
-    good = [s for s in found if s is not None and s.circle.rms_m < _LARGEST_RMS_M]
+    standing = [_standing(scan, thing) for thing in things(scan, near, NO_ARM)]
+    good = [s for s in standing if s is not None and s.circle.rms_m < _LARGEST_RMS_M]
     if not good:
-        raise ObjectNotFound(f"none of the {len(found)} things on the table is a cylinder; show it from the side")
+        raise ObjectNotFound(f"none of the {len(standing)} things on the table is a cylinder; show it from the side")
     largest = max(good, key=lambda s: len(s.thing.points_m))
     return Survey(table, X_BD @ inverse(model.X_CD), largest)
 

@@ -38,16 +38,16 @@ def world_file(task: Task, number: int, folder: Path) -> Path:
 
 def claims(task: Task, number: int, folder: Path) -> list[dict[str, Any]]:
     """The sentence of the session about the pairs after each iteration."""
-    kept = folder / f"session-{number}.json"
-    if not kept.exists():
+    file = folder / f"session-{number}.json"
+    if not file.exists():
         command = [sys.executable, "-m", "adaptsim_cli", "run-iteration", "--task", task.name]
         command += ["--world", str(world_file(task, number, folder)), "--method", "udr", "--control", "udr"]
         command += ["--seed", str(number), "--session", f"s{number}", "-n", str(ITERATIONS), "--yes", "--json"]
         home = {**os.environ, "ADAPTSIM_HOME": str(folder / "home")}
-        told = subprocess.run(command, capture_output=True, text=True, check=True, env=home).stdout
-        outputs = [json.loads(line) for line in told.splitlines() if line.startswith("{")]
-        kept.write_text(json.dumps([one["control"] for one in outputs if one["control"] is not None]))
-    content: list[dict[str, Any]] = json.loads(kept.read_text())
+        output = subprocess.run(command, capture_output=True, text=True, check=True, env=home).stdout
+        outputs = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+        file.write_text(json.dumps([one["control"] for one in outputs if one["control"] is not None]))
+    content: list[dict[str, Any]] = json.loads(file.read_text())
     return content
 
 
@@ -59,10 +59,10 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     task, ever, pairs = get_task("pushing"), Counter[str](), 0
     for number in range(asked.sessions):
-        told = claims(task, number, asked.out)
-        made = {one["claim"] for one in told} - {Claim.OPEN.value}
+        records = claims(task, number, asked.out)
+        made = {one["claim"] for one in records} - {Claim.OPEN.value}
         ever.update(made or {"none"})
-        pairs = told[-1]["pairs"]
+        pairs = records[-1]["pairs"]
     wrong = ever[Claim.SHOWN.value] + ever[Claim.WORSE.value]
     print(f"{asked.sessions} sessions of {pairs} pairs, read after each iteration: {wrong} claimed a difference")
     print(", ".join(f"{claim}: {count}" for claim, count in ever.items()))

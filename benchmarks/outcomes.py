@@ -75,12 +75,12 @@ def main() -> None:
     parser.add_argument("--camera", choices=("kinect", "small"), default="kinect")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    kept, done = Kept(args.out), dict[tuple[str, str], list[Judged]]()
+    store, done = Kept(args.out), dict[tuple[str, str], list[Judged]]()
     for number in range(args.worlds):
         for name in args.tasks:
             for condition in args.conditions:
                 lit = draw_worlds(get_task(name), args.seed, args.worlds, condition, args.camera)[number]
-                row = kept.row(f"{args.camera} {lit.name}", args.seed, partial(trial_row, get_task(name), lit))
+                row = store.row(f"{args.camera} {lit.name}", args.seed, partial(trial_row, get_task(name), lit))
                 one = Judged(**{**row, "flags": tuple(row["flags"])})
                 done.setdefault((name, condition), []).append(one)
                 if one.refused or one.is_wrong or one.is_doubted:

@@ -31,7 +31,7 @@ from scipy.optimize import least_squares
 from adaptsim_cli.bench.checkpoints import usual_checkpoint
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
-from sim.adaptation.method import Iteration, Method, Particle, Simulating
+from sim.adaptation.method import Iteration, Method, Particle, Simulating, trials_in
 from sim.adaptation.methods import make_method
 from sim.lab.world import load_world
 from sim.research.benchmark.jobs import simulations
@@ -115,7 +115,7 @@ class FittingScript:
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The best fit to all trajectories."""
-        trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
+        trials = trials_in(history)
         contexts = np.stack([trial.context for trial in trials])
         actions = np.stack([trial.action for trial in trials])
         observed = np.concatenate([trial.observation for trial in trials])

@@ -70,45 +70,45 @@ def moves(model: str, count: int) -> tuple[Workcell, list[JointPath]]:
     """Fast moves that an arm with an empty hand may make."""
     rng = np.random.default_rng(0)
     cell = replace(cell_as_shipped(get_task("pushing").require_hardware(), model), tool=BARE_HAND)
-    limits, found = cell.arm.limits, list[JointPath]()
+    limits, paths = cell.arm.limits, list[JointPath]()
     middle, half = (limits.q_max_rad + limits.q_min_rad) / 2.0, (limits.q_max_rad - limits.q_min_rad) / 2.0
-    while len(found) < count:
+    while len(paths) < count:
         ends = middle + rng.uniform(-0.9, 0.9, (2, 7)) * half * np.array([0.5, 0.8, 0.3, 0.9, 0.4, 0.6, 0.8])
         path = move_path(ends[0], ends[0] + 0.3 * (ends[1] - ends[0]), limits, FAST)
         try:
             cell.require(path)
         except MotionRefused:
             continue
-        found.append(path)
-    return cell, found
+        paths.append(path)
+    return cell, paths
 
 
 def row(cell: Workcell, paths: list[JointPath], kg: float) -> tuple[int, float, str]:
     """How many of the paths pass with that load, the largest share of a torque limit, and the most frequent reason of a
     refusal.
     """
-    there, reasons, share, passed = cell.holding(loaded(cell.tool, kg)), Counter[str](), 0.0, 0
+    loaded_cell, reasons, share, passed = cell.holding(loaded(cell.tool, kg)), Counter[str](), 0.0, 0
     for path in paths:
-        torque = next(c for c in there.motion.checks(path) if c.quantity == "torque")
+        torque = next(c for c in loaded_cell.motion.checks(path) if c.quantity == "torque")
         try:
-            there.require(path)
+            loaded_cell.require(path)
             passed += 1
             share = max(share, torque.ratio)
         except MotionRefused as error:
-            found = re.search(r": ((?:[\w-]+ )+of (?:joint \d|the flange))", str(error))
-            reasons[found[1] if found else "no stop along the path"] += 1
+            match = re.search(r": ((?:[\w-]+ )+of (?:joint \d|the flange))", str(error))
+            reasons[match[1] if match else "no stop along the path"] += 1
     return passed, share, reasons.most_common(1)[0][0] if reasons else ""
 
 
 def used(cell: Workcell, paths: list[JointPath]) -> dict[str, tuple[float, float, str]]:
     """Quantity -> the largest share of its limit, its value and unit, over the paths and their stops."""
-    found: dict[str, tuple[float, float, str]] = {}
+    peaks: dict[str, tuple[float, float, str]] = {}
     for path in paths:
         stops = [brake(path, at_s, cell.motion) for at_s in np.arange(STOPS_EVERY_S, path.duration_s, STOPS_EVERY_S)]
         for check in (check for one in (path, *stops) for check in cell.motion.checks(one)):
-            before = found.get(check.quantity, (0.0, 0.0, ""))
-            found[check.quantity] = max(before, (check.ratio, abs(check.value), check.unit))
-    return found
+            before = peaks.get(check.quantity, (0.0, 0.0, ""))
+            peaks[check.quantity] = max(before, (check.ratio, abs(check.value), check.unit))
+    return peaks
 
 
 def main() -> None:

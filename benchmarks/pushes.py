@@ -273,15 +273,15 @@ def shown(rows: dict[str, list[Result | None]]) -> None:
             continue
         xy = np.concatenate([r.xy_mm for r in results])
         fell = np.array([r.fell_mm for r in results if r.tipped] or [np.nan])
-        rest, found = np.array([r.rest_mm for r in results]), np.array([r.found_mm for r in results])
+        rest, found_mm = np.array([r.rest_mm for r in results]), np.array([r.found_mm for r in results])
         flagged, tipped = sum(bool(r.flags) for r in results), sum(r.tipped for r in results)
         print(
             f"{name}: {len(results)} of {len(all_results)} pushes, "
             f"{len(xy)} of {sum(r.frames for r in results)} frames located before a fall, {tipped} tipped\n"
             f"  XY mm: mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
             f"where it fell: mean {fell.mean():.2f}, max {fell.max():.2f}\n  "
-            f"at rest: mean {np.nanmean(rest):.2f}, max {np.nanmax(rest):.2f}   before: mean {found.mean():.2f}, "
-            f"max {found.max():.2f}\n"
+            f"at rest: mean {np.nanmean(rest):.2f}, max {np.nanmax(rest):.2f}   before: mean {found_mm.mean():.2f}, "
+            f"max {found_mm.max():.2f}\n"
             f"  observation mm, mean / largest: {_observed(results, tipped=False)} where it stands, "
             f"{_observed(results, tipped=True)} where it fell\n"
             f"  outcomes {sum(r.agrees for r in results)}/{len(results)}   flagged {flagged}/{len(results)}   "

@@ -89,8 +89,8 @@ def alone(frame: Frame, model: CameraModel, seen: Survey) -> NDArray[np.uint16]:
     points_m = transform(view.X_BV, view.directions * (frame.depth_mm.reshape(-1, 1) / 1000.0))
     circle = seen.cylinder.circle
     off_m = np.abs(np.linalg.norm(points_m[:, :2] - circle.centre_m, axis=1) - circle.radius_m)
-    kept = (points_m[:, 2] < ON_TABLE_M) | ((off_m < NEAR_M) & (points_m[:, 2] < seen.cylinder.height_m))
-    return np.where(kept.reshape(frame.depth_mm.shape), frame.depth_mm, np.uint16(0))
+    mask = (points_m[:, 2] < ON_TABLE_M) | ((off_m < NEAR_M) & (points_m[:, 2] < seen.cylinder.height_m))
+    return np.where(mask.reshape(frame.depth_mm.shape), frame.depth_mm, np.uint16(0))
 
 
 def target_of(recording: Path) -> RigTarget:
@@ -100,7 +100,7 @@ def target_of(recording: Path) -> RigTarget:
     circle, height_m = seen.cylinder.circle, seen.cylinder.height_m
     x, y = circle.centre_m
     body, area = Cylinder(circle.radius_m, height_m), (x - AROUND_M, x + AROUND_M, y - AROUND_M, y + AROUND_M)
-    there = mounted_as_shipped(get_task("pushing"), "fr3")
+    mounted_task = mounted_as_shipped(get_task("pushing"), "fr3")
     ok, jpeg = cv2.imencode(".jpg", frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     assert ok
     shot = Capture(0.0, 0.0, jpeg.tobytes(), alone(frame, model, seen), None, 0, 0)
@@ -124,7 +124,7 @@ def target_of(recording: Path) -> RigTarget:
     eye = HandEye(seen.X_BC, 1.0, 0.1, "recorded", "", 0.0)
     scene: Any = Repeating(shot, model)
     rig = Rig("fake", "a rig that waits", cast(Arm, TimedArm()), scene, scene, eye)
-    return RigTarget(there.task, rig, tracker, there.planner())
+    return RigTarget(mounted_task.task, rig, tracker, mounted_task.planner())
 
 
 def main() -> None:

@@ -89,14 +89,14 @@ def plain(views: Sequence[View], setup: Setup) -> tuple[Array, Array]:
     X_AH = np.stack([np.asarray(view.X_BF) for view in views])
     sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
     X_AC, X_HM = robust_start(X_AH, sight.X_CM[0])
-    there = sight.weight > 0
+    is_visible = sight.weight > 0
 
     def residual(x: Array) -> Array:
         X = inverse(move(X_AC, x[:6])) @ X_AH @ move(X_HM, x[6:])
-        return (project(setup.colour, X, sight.p_M_m) - sight.px)[there].ravel()
+        return (project(setup.colour, X, sight.p_M_m) - sight.px)[is_visible].ravel()
 
-    found = least_squares(residual, np.zeros(12), x_scale=1e-3, loss="soft_l1", f_scale=SOFT_PX, max_nfev=200)
-    return move(X_AC, found.x[:6]), move(X_HM, found.x[6:])
+    fit = least_squares(residual, np.zeros(12), x_scale=1e-3, loss="soft_l1", f_scale=SOFT_PX, max_nfev=200)
+    return move(X_AC, fit.x[:6]), move(X_HM, fit.x[6:])
 
 
 def predicted_px(X_AC: Array, X_HM: Array, views: Sequence[View], setup: Setup) -> float:
@@ -119,7 +119,7 @@ def case(target: str, common_px: float, lens: bool, number: int, seed: int) -> R
     others = halves[::-1]
     by_pixels = [plain(half, setup) for half in halves]
     nan = float("nan")
-    plain_px = [predicted_px(*found, other, setup) for found, other in zip(by_pixels, others, strict=True)]
+    plain_px = [predicted_px(*solution, other, setup) for solution, other in zip(by_pixels, others, strict=True)]
     row: Row = {"target": target, "common_px": common_px, "lens": lens}
     row |= dict.fromkeys(("apart_mm", "other_px", "error_mm", "error_plain_mm"), nan)
     row |= {"apart_plain_mm": distance_mm(by_pixels[0][0], by_pixels[1][0]), "other_plain_px": rms(plain_px)}
@@ -162,19 +162,19 @@ def main() -> None:
         for lens in (False, True):
             for common_px in COMMON_PX:
                 alike = 1 if target == "marker" and common_px == 0 else given.seeds
-                found = [case(target, common_px, lens, k, seed) for k in range(3) for seed in range(alike)]
-                print(line(found), flush=True)
+                rows = [case(target, common_px, lens, k, seed) for k in range(3) for seed in range(alike)]
+                print(line(rows), flush=True)
 
 
-def line(found: Sequence[Row]) -> str:
-    good = [row for row in found if np.isfinite(row["other_px"])]
+def line(rows: Sequence[Row]) -> str:
+    good = [row for row in rows if np.isfinite(row["other_px"])]
     names = ("apart_mm", "apart_plain_mm", "other_px", "other_plain_px", "error_mm", "error_plain_mm")
-    told = [f"{rms([row[name] for row in good]):.2f}" if good else "-" for name in names]
+    cells = [f"{rms([row[name] for row in good]):.2f}" if good else "-" for name in names]
     covered = f"{sum(row['covered'] for row in good)} of {sum(row['judged'] for row in good)}"
-    first = found[0]
+    first = rows[0]
     lens = "1 % off" if first["lens"] else "as stated"
     head = f"| {first['target']} | {first['common_px']:g} | {lens}"
-    return f"{head} | {' | '.join(told)} | {covered} | {len(found) - len(good)} |"
+    return f"{head} | {' | '.join(cells)} | {covered} | {len(rows) - len(good)} |"
 
 
 if __name__ == "__main__":

@@ -188,20 +188,20 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
     """The table of one set of worlds; a method is shown if it ran in all of them."""
     worlds = sorted({s.world for s in sessions})
     earned = {m: by_world(sessions, m) for m in (*method_names(), *LIMITS)}
-    earned = {method: there for method, there in earned.items() if there.keys() == set(worlds)}
-    best = max(means(there).mean() for m, there in earned.items() if m not in LIMITS)
+    earned = {method: rewards for method, rewards in earned.items() if rewards.keys() == set(worlds)}
+    best = max(means(rewards).mean() for m, rewards in earned.items() if m not in LIMITS)
     after = max((s.after for s in sessions), key=len)
     trials = ", ".join(str(n) for n, _ in after)
     head = ["method", "sessions per world", "reward", "lead", f"after {trials} trials"]
     body = [
         [
             f"`{method}`",
-            str(min(map(len, there.values()))),
-            reward(there, best, is_limit=method in LIMITS),
-            "" if method == DEFAULT or DEFAULT not in earned else lead(earned[DEFAULT], there),
+            str(min(map(len, rewards.values()))),
+            reward(rewards, best, is_limit=method in LIMITS),
+            "" if method == DEFAULT or DEFAULT not in earned else lead(earned[DEFAULT], rewards),
             course(sessions, method),
         ]
-        for method, there in earned.items()
+        for method, rewards in earned.items()
     ]
     judged = part.fresh or Conditions(part.budget).judged
     kind = f"looked up in tables of true rollouts, scored at {judged} contexts"
@@ -223,11 +223,11 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
 
 def by_world(sessions: Sequence[Session], method: str) -> Earned:
     """Rewards of a method's sessions."""
-    found: dict[str, dict[int, float]] = {}
+    rewards: dict[str, dict[int, float]] = {}
     for s in sessions:
         if s.method == method:
-            found.setdefault(s.world, {})[s.seed] = s.reward
-    return found
+            rewards.setdefault(s.world, {})[s.seed] = s.reward
+    return rewards
 
 
 def means(earned: Earned) -> Array:
@@ -238,10 +238,10 @@ def means(earned: Earned) -> Array:
 def reward(earned: Earned, best: float, *, is_limit: bool) -> str:
     """Mean over worlds and its interval; the best method of a section is bold."""
     units = means(earned)
-    told = f"{units.mean():.3f}"
+    text = f"{units.mean():.3f}"
     if units.mean() >= best - 1e-9 and not is_limit:
-        told = f"**{told}**"
-    return told if len(units) < 3 else "{} ({:.3f} to {:.3f})".format(told, *interval(units))
+        text = f"**{text}**"
+    return text if len(units) < 3 else "{} ({:.3f} to {:.3f})".format(text, *interval(units))
 
 
 def lead(ours: Earned, theirs: Earned) -> str:
@@ -258,8 +258,8 @@ def lead(ours: Earned, theirs: Earned) -> str:
 
 def interval(units: Array) -> tuple[float, float]:
     """95 % interval of the mean, by bootstrap."""
-    found = stats.bootstrap((units,), np.mean, n_resamples=4000, method="percentile", rng=0).confidence_interval
-    return float(found.low), float(found.high)
+    ends = stats.bootstrap((units,), np.mean, n_resamples=4000, method="percentile", rng=0).confidence_interval
+    return float(ends.low), float(ends.high)
 
 
 def course(sessions: Sequence[Session], method: str) -> str:

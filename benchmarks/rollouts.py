@@ -74,11 +74,11 @@ def measure(
 ) -> list[Measured]:
     """Every draw with each step, from the cache as far as it goes."""
     cache.parent.mkdir(parents=True, exist_ok=True)
-    kept, rows = Kept(cache), [list[dict[str, Any]]() for _ in steps_s]
+    store, rows = Kept(cache), [list[dict[str, Any]]() for _ in steps_s]
     for number, draw in enumerate(draws):
-        for step_s, done in zip(steps_s, rows, strict=True):
-            done.append(kept.row(f"{1e6 * step_s:.0f} us", number, partial(rolled, task, draw, step_s)))
-    return [_measured(task, done) for done in rows]
+        for step_s, step_rows in zip(steps_s, rows, strict=True):
+            step_rows.append(store.row(f"{1e6 * step_s:.0f} us", number, partial(rolled, task, draw, step_s)))
+    return [_measured(task, step_rows) for step_rows in rows]
 
 
 def rolled(task: Task, draw: tuple[Array, Array, Array], step_s: float) -> dict[str, Any]:

@@ -183,22 +183,22 @@ def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
         noise.forget()
         moving.box.pressed, moving.box.late_s = True, 0.0
         assert moving.program.stdout is not None
-        said = json.loads(moving.program.stdout.readline())
+        report = json.loads(moving.program.stdout.readline())
         worst_s = noise.worst_s
         if not last_s:
-            return EndedEarly(said, max(worst_s, *before_s, moving.box.late_s))
+            return EndedEarly(report, max(worst_s, *before_s, moving.box.late_s))
         mark.join()
-        return Happened(last_s[0], said, worst_s, len(server.commanded()) - commands[0])
+        return Happened(last_s[0], report, worst_s, len(server.commanded()) - commands[0])
 
 
 def quietest(noise: Noise, fault: Fault, at_s: float, tries: int = 5) -> Happened | EndedEarly:
     """The first of some tries without delays of more than `NOISE_S` by this computer, else the one with the smallest
     delay.
     """
-    found = list[Happened | EndedEarly]()
-    while len(found) < tries and not (found and found[-1].noise_s <= NOISE_S):
-        found.append(happened(noise, fault, at_s))
-    return min(found, key=lambda one: one.noise_s)
+    attempts = list[Happened | EndedEarly]()
+    while len(attempts) < tries and not (attempts and attempts[-1].noise_s <= NOISE_S):
+        attempts.append(happened(noise, fault, at_s))
+    return min(attempts, key=lambda one: one.noise_s)
 
 
 def main() -> None:

@@ -111,7 +111,7 @@ def play(task: Task, target: BenchmarkWorld, seed: int, *, tables: bool) -> Iter
         leading = history[-1][0]
         policy = policy_of(method, solver, leading.particle, history[:-1])
         predicted = float(np.mean([policy.predict(trial.context)[0] for trial in leading.trials]))
-        said = forecast_after(method.outcome_posterior(history), for_e, len(history))
+        forecast = forecast_after(method.outcome_posterior(history), for_e, len(history))
         final = final_policy(method, solver, task, history)
         yield AfterIteration(
             task=task.name,
@@ -120,10 +120,10 @@ def play(task: Task, target: BenchmarkWorld, seed: int, *, tables: bool) -> Iter
             iteration=len(history),
             predicted=round(predicted, 4),
             earned=round(float(np.mean([trial.reward for trial in leading.trials])), 4),
-            expected=round(said.reward, 4),
-            low=round(said.ci95[0], 4),
-            high=round(said.ci95[1], 4),
-            hopeless=said.hopeless,
+            expected=round(forecast.reward, 4),
+            low=round(forecast.ci95[0], 4),
+            high=round(forecast.ci95[1], 4),
+            hopeless=forecast.hopeless,
             reward=round(estimated_reward(task, final.actions, place, conditions, seed).mean, 4),
         )
 

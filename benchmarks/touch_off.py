@@ -85,30 +85,31 @@ def set_down(world: World, seed: int) -> tuple[SavedTouchOff, dict[str, Any]]:
             pause=lambda _: None,
             person=lab,
         )
-        found = touch_off(rig, Screen(console=Console(file=io.StringIO())), unattended=True, created="")
-        return found, lab.truth()
+        result = touch_off(rig, Screen(console=Console(file=io.StringIO())), unattended=True, created="")
+        return result, lab.truth()
 
 
-def score(found: SavedTouchOff, truth: dict[str, Any]) -> Score:
+def score(result: SavedTouchOff, truth: dict[str, Any]) -> Score:
     height_m, slope_x, slope_y = truth["table"]
     at_m = np.array(touchable(HARDWARE).centre_m)
     true_height_m = height_m + slope_x * at_m[0] + slope_y * at_m[1]
     pairs = {
-        "table height mm": (found.table_height_m, true_height_m, 1e3),
-        "tilt x mrad": (found.tilt_x, slope_x, 1e3),
-        "tilt y mrad": (found.tilt_y, slope_y, 1e3),
-        "blade height mm": (found.tool_height_m, truth["tool_height_m"], 1e3),
-        "blade pitch deg": (found.tool_pitch_rad, truth["tool_pitch_rad"], float(np.rad2deg(1.0))),
-        "blade roll deg": (found.tool_roll_rad, truth["tool_roll_rad"], float(np.rad2deg(1.0))),
+        "table height mm": (result.table_height_m, true_height_m, 1e3),
+        "tilt x mrad": (result.tilt_x, slope_x, 1e3),
+        "tilt y mrad": (result.tilt_y, slope_y, 1e3),
+        "blade height mm": (result.tool_height_m, truth["tool_height_m"], 1e3),
+        "blade pitch deg": (result.tool_pitch_rad, truth["tool_pitch_rad"], float(np.rad2deg(1.0))),
+        "blade roll deg": (result.tool_roll_rad, truth["tool_roll_rad"], float(np.rad2deg(1.0))),
     }
     error = {name: scale * (e.value - true) for name, (e, true, scale) in pairs.items()}
     within = {name: scale * e.within for name, (e, _, scale) in pairs.items()}
-    return Score(error, within, 1e3 * edge_m(found, truth), 1e3 * found.edge_over_table_m, 1e3 * found.edge_too_high_m)
+    lift_mm = 1e3 * result.edge_over_table_m
+    return Score(error, within, 1e3 * edge_m(result, truth), lift_mm, 1e3 * result.edge_too_high_m)
 
 
-def edge_m(found: SavedTouchOff, truth: dict[str, Any]) -> float:
+def edge_m(result: SavedTouchOff, truth: dict[str, Any]) -> float:
     """The true height of the edge's middle over the true table, planned to be on it, pitched as in a scoop."""
-    c, at = found.correction(), touchable(HARDWARE)
+    c, at = result.correction(), touchable(HARDWARE)
     edge = [feeler for feeler in at.feelers if "edge" in feeler.name]
     middle, radius_m = np.mean([feeler.p_T_m for feeler in edge], axis=0), edge[0].radius_m
     R = Rotation.from_euler("Y", SCOOP_PITCH_RAD).as_matrix()
@@ -140,9 +141,9 @@ def main() -> None:
             refused += 1
             print(f"seed {seed}: refused: {refusal}", flush=True)
             continue
-        said = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
+        errors = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
         took_s = time.process_time() - started_s
-        print(f"seed {seed}: {said}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
+        print(f"seed {seed}: {errors}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
     print(f"refused {refused} of {seeds}")
     for name in scores[0].error:
         if "height" in name:

@@ -89,10 +89,10 @@ def scoops(count: int, seed: int, name: str, effects: dict[str, float]) -> None:
     )
     for pose, results in (("camera pose exact", exact), ("camera off by 1 mm, 0.1°", nominal)):
         xy = np.concatenate([r.xy_mm for r in results])
-        found = np.array([r.found_mm for r in results])
+        found_mm = np.array([r.found_mm for r in results])
         print(
             f"  {pose:26s} mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
-            f"found before the trial: mean {found.mean():.2f}, max {found.max():.2f}   "
+            f"found before the trial: mean {found_mm.mean():.2f}, max {found_mm.max():.2f}   "
             f"outcomes {sum(r.agrees for r in results)}/{len(results)}, right or flagged "
             f"{sum(r.agrees or bool(r.flags) for r in results)}, flagged {sum(bool(r.flags) for r in results)}   "
             f"{np.median([r.ms_per_frame for r in results]):.1f} ms a frame"
@@ -117,16 +117,16 @@ def judged(
     duration_s = float(execution.t_s[-1])
     X_BO = np.array(truth["X_BO"])
     times_s = np.array(truth["t_s"]) + truth["t_start_s"]
-    found = find_piece(before, model, X_BC, AREA)
+    detection = find_piece(before, model, X_BC, AREA)
     clock_s = time.process_time()
-    track = track_piece(frames, model, X_BC, found, mesh, X_BT_at, execution.t_start_s, duration_s)
+    track = track_piece(frames, model, X_BC, detection, mesh, X_BT_at, execution.t_start_s, duration_s)
     spent_s = time.process_time() - clock_s
     p_m = np.stack([np.interp(track.t_s + execution.t_start_s, times_s, column) for column in X_BO[:, :3, 3].T], axis=1)
     p_T = np.linalg.inv(X_BT_at(times_s[-1])) @ X_BO[-1][:, 3]
     on_blade = p_T[2] > 0.001 and -0.10 <= p_T[0] <= 0 and abs(p_T[1]) <= 0.04
     return Result(
         1e3 * np.linalg.norm(track.state[:, :2] - p_m[:, :2], axis=1),
-        1e3 * float(np.linalg.norm(found.xy_m - X_BO[0, :2, 3])),
+        1e3 * float(np.linalg.norm(detection.xy_m - X_BO[0, :2, 3])),
         bool(on_blade) == TASK.succeeded(track),
         1e3 * spent_s / len(track.t_s),
         track.flags,
@@ -194,8 +194,8 @@ def sweep(rng: np.random.Generator) -> Array:
     truth = np.stack([piece_at(f.t_s)[:2, 3] for f in frames])
     errors_mm, flagged = [], []
     for X_BC in (default_X_BC(), with_extrinsic_error(default_X_BC(), SENSING, rng)):
-        found = find_piece(before, model, X_BC, (0.62, 0.76, -0.06, 0.06))
-        track = track_piece(frames, model, X_BC, found, mesh, tool_at, 0.0, 0.8)
+        detection = find_piece(before, model, X_BC, (0.62, 0.76, -0.06, 0.06))
+        track = track_piece(frames, model, X_BC, detection, mesh, tool_at, 0.0, 0.8)
         errors_mm.append(1e3 * np.linalg.norm(track.state[:, :2] - truth, axis=1))
         flagged.append(np.full(len(frames), any(flag.startswith(HARDLY_SEEN) for flag in track.flags), dtype=float))
     return np.stack([hidden, *errors_mm, *flagged], axis=1)

@@ -22,7 +22,7 @@ from calib.projection import project
 from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.target_records import BoardRecord, PointsRecord
 from calib.types import WORK_BOX_M, Forward, Mounting, Setup, corners_of_box
-from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, read_bytes
+from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, encode_image, read_bytes
 from hw.kinematics import JOINTS, forward
 from hw.types import Array, CameraModel, Frame, Intrinsics
 from perception.board.types import Board, CalibrationTarget, Corners
@@ -283,7 +283,4 @@ def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDAr
 
 
 def _png(image: NDArray[np.generic]) -> bytes:
-    done, data = cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 3))
-    if not done:
-        raise ViewFolderError("an image could not be encoded as PNG")
-    return data.tobytes()
+    return encode_image(image, ".png", 3)

@@ -147,8 +147,8 @@ def coverage(corners: Sequence[Corners], X_CM: Sequence[Array], board: Board, ca
 
 def _tilts(tilts_deg: Array) -> list[str]:
     x, y = tilts_deg.T
-    done = [(x > LEAN_DEG).any(), (x < -LEAN_DEG).any(), (y > LEAN_DEG).any(), (y < -LEAN_DEG).any()]
-    return [f"tilt the board, {side}, by 20 to 40°" for side, ok in zip(_SIDES, done, strict=True) if not ok]
+    is_tilted = [(x > LEAN_DEG).any(), (x < -LEAN_DEG).any(), (y > LEAN_DEG).any(), (y < -LEAN_DEG).any()]
+    return [f"tilt the board, {side}, by 20 to 40°" for side, ok in zip(_SIDES, is_tilted, strict=True) if not ok]
 
 
 def _distances(distances_m: Array) -> list[str]:

@@ -1,7 +1,7 @@
 """Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
 
-Reads TOML, JSON, PNG and JPEG, and checks safetensors before its library opens them. Every defect of a
-file raises `Unreadable`; its message continues a sentence that begins with the file's name.
+Reads TOML, JSON, PNG and JPEG, and checks safetensors before its library opens them. Every defect of a file raises
+`Unreadable`; its message continues a sentence that begins with the file's name. Images are encoded here too.
 """
 
 from __future__ import annotations
@@ -134,6 +134,20 @@ def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
     if image is None:
         raise Unreadable(_CUT)
     return np.asarray(image)
+
+
+def encode_image(image: NDArray[np.generic], suffix: str, quality: int | None = None) -> bytes:
+    """(H, W) or (H, W, 3) BGR as ".jpg" or ".png", with OpenCV's own quality of a JPEG or compression of a PNG.
+
+    Raises ValueError for an image that the format cannot hold.
+    """
+    import cv2  # noqa: PLC0415 - see `decode_image`
+
+    option = cv2.IMWRITE_JPEG_QUALITY if suffix == ".jpg" else cv2.IMWRITE_PNG_COMPRESSION
+    is_encoded, content = cv2.imencode(suffix, image, () if quality is None else (option, quality))
+    if not is_encoded:
+        raise ValueError(f"an image of shape {image.shape} and type {image.dtype} cannot be encoded as {suffix}")
+    return content.tobytes()
 
 
 def _toml(content: bytes) -> dict[str, Any]:

@@ -88,8 +88,9 @@ class Registry(Generic[Thing]):
     attribute: str  # of that module, which holds the thing
     ours: Mapping[str, Thing | str]  # each itself, or as an entry point names it: module, or module:attribute
     error: type[Exception]  # raised for an unknown name, and for a package that is not right
+    value_type: type | None = None  # of the thing that a package offers; None: a function
     complaint: Callable[[str, Any], str] = lambda name, thing: ""
-    """About the thing that a package offers by that name; "" if it is right."""
+    """What is wrong with a thing of that type that is offered by that name; "" if nothing is."""
 
     def names(self) -> tuple[str, ...]:
         """Our names, then those of installed packages."""
@@ -110,9 +111,15 @@ class Registry(Generic[Thing]):
             thing: Thing = offer.load(self.attribute)
         except PluginError as error:
             raise self.error(f"{self.label} {error}") from error
-        if complaint := self.complaint(name, thing):
+        if complaint := self._wrong_type(thing) or self.complaint(name, thing):
             raise self.error(f"{self.label} {offer}: its {self.attribute} {complaint}")
         return thing
+
+    def _wrong_type(self, thing: object) -> str:
+        if callable(thing) if self.value_type is None else isinstance(thing, self.value_type):
+            return ""
+        right = "function" if self.value_type is None else self.value_type.__name__
+        return f"is a {type(thing).__name__}, not a {right}"
 
     def _our(self, thing: Thing | str) -> Thing:
         if not isinstance(thing, str):

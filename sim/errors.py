@@ -20,6 +20,9 @@ SimError
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class SimError(Exception):
     """Base of everything that `sim` raises."""
@@ -87,3 +90,17 @@ class MomentsMissing(SimError):
 
 class RecordingsRefused(SimError):
     """Recorded trials cannot serve as a target."""
+
+
+@contextmanager
+def simulating(task: str, inputs: str) -> Iterator[None]:
+    """Run the simulator of a task, of any package: whatever it raises is a RolloutError, except our own errors."""
+    try:
+        yield
+    except SimError:
+        raise
+    except Exception as error:
+        raise RolloutError(
+            f"the task {task} cannot simulate {inputs}: {type(error).__name__}: {error}; its `simulate` must return a "
+            "track for every action"
+        ) from error

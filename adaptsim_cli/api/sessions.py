@@ -152,10 +152,10 @@ class Session:
         while True:
             trial = self.ask()
             self.tell(trial, **robot(trial))
-            done = self.iterations[first:]
+            new = self.iterations[first:]
             for name in loggers:
                 self.log_to(name)
-            if done and (done[-1].verdict.stops or len(done) >= (iterations or self._horizon)):
+            if new and (new[-1].verdict.stops or len(new) >= (iterations or self._horizon)):
                 return self
 
     def _run(self, iterations: int | None, *, until_done: bool, loggers: Sequence[str] = ()) -> None:
@@ -302,11 +302,11 @@ class Session:
         except SessionError as error:
             return f"Session({self.name!r}: {error})"
         where = facts.recorded or facts.world or facts.hw
-        done = [f"{_count(len(trials), 'trial')}, {_count(len(self.iterations), 'iteration')}"]
+        parts = [f"{_count(len(trials), 'trial')}, {_count(len(self.iterations), 'iteration')}"]
         if trials:
             newest = [t.reward for t in trials if t.iteration == trials[-1].iteration]
-            done.append(f"reward {np.mean(newest):.2f} in the newest")
-        return f"Session({self.name!r}: {facts.task} in {where}, {facts.method}, seed {facts.seed}; {', '.join(done)})"
+            parts.append(f"reward {np.mean(newest):.2f} in the newest")
+        return f"Session({self.name!r}: {facts.task} in {where}, {facts.method}, seed {facts.seed}; {', '.join(parts)})"
 
     def _repr_html_(self) -> str:
         from adaptsim_cli.api.in_notebooks import session_in_html

@@ -27,7 +27,7 @@ from hw.workcell import Workcell
 from perception.board.types import Board
 
 if TYPE_CHECKING:
-    from adaptsim_cli.bench.devices.lab import Drivers
+    from adaptsim_cli.bench.devices.drivers import Drivers
     from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)

@@ -137,7 +137,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     import numpy as np
 
     from adaptsim_cli.bench.calibration_in_use import current_calibration
-    from adaptsim_cli.bench.devices.mounted import mounted, mounted_as_shipped
+    from adaptsim_cli.bench.devices.mounted import mounted_as_shipped, mounted_task_of
     from adaptsim_cli.bench.rig_file.description import Model
     from adaptsim_cli.bench.rig_file.reading import practised, rig_of, tasks_with_tools
     from adaptsim_cli.bench.touch_off_in_use import correction_by, touch_off_of
@@ -156,7 +156,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     rig = rig_of(config, tasks_with_tools())
     touched = touch_off_of(config, resolved.places, task, zeros_rad)
     correction = None if touched is None else correction_by(touched, rig, task)
-    return mounted(task, rig, zeros_rad, boxes, correction)
+    return mounted_task_of(task, rig, zeros_rad, boxes, correction)
 
 
 def planned(mounted_task: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:

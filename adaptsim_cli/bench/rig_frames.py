@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptsim_cli.bench.calibration_in_use import calibration_of, calibrations
 from adaptsim_cli.bench.devices.lab import Lab
-from adaptsim_cli.bench.devices.mounted import MountedTask, mounted
+from adaptsim_cli.bench.devices.mounted import MountedTask, mounted_task_of
 from adaptsim_cli.bench.touch_off.store import SavedTouchOff
 from adaptsim_cli.bench.touch_off_in_use import ZEROS_RAD, correction_by, serving, touch_off_of
 from adaptsim_cli.config import Config, Places
@@ -39,14 +39,14 @@ def hash_of(X_BC: Array, X_FT: Array) -> str:
 
 
 def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> RigFrames:
-    """The poses in use now. Raises the errors of `calibration_of`, `touch_off_of` and `mounted`."""
+    """The poses in use now. Raises the errors of `calibration_of`, `touch_off_of` and `mounted_task_of`."""
     eye, zeros_rad = calibration_of(config, places, lab.nominal)
     return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, task, zeros_rad))
 
 
 def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> RigFrames:
     correction = None if touched is None else correction_by(touched, lab.rig, task)
-    mounted_task = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
+    mounted_task = mounted_task_of(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
     return RigFrames(replace(eye, X_BC=mounted_task.correction.X_WB @ eye.X_BC), mounted_task, touched)
 
 

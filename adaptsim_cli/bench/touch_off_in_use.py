@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from adaptsim_cli.bench.calibration_in_use import calibration_key, calibration_of
-from adaptsim_cli.bench.devices.lab import Drivers
+from adaptsim_cli.bench.devices.drivers import Drivers
 from adaptsim_cli.bench.devices.mounted import weighed, workcell, written
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.rig_file.description import RigDescription, TablePart

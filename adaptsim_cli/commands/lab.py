@@ -54,12 +54,11 @@ def show(
         lab = SimulatedLab(task, world, chosen.seed, cell_as_shipped(task.hardware, "panda"))
         truth = lab.truth()
         if png is not None:
-            import cv2
-
             from adaptsim_cli.screen import views
             from adaptsim_cli.storage import durable
+            from hw.bounded import encode_image
 
-            durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
+            durable.replace_file(png, encode_image(lab.picture().colour[..., ::-1], ".png"))
             written = [views.FileLine("Written", png)]
     data, text = _truth(resolved, task, truth)
     session = f"adaptsim run-iteration --task {chosen.task} --world {chosen.world} --seed {chosen.seed}"

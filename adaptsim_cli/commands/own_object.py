@@ -11,6 +11,7 @@ import typer
 from adaptsim_cli.commands import options
 from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
+from hw.bounded import encode_image
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -213,4 +214,4 @@ def _png(task: Task) -> bytes:
         strip = np.full((32, panel.shape[1], 3), 255, np.uint8)
         cv2.putText(strip, name, (16, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (20, 20, 20), 1, cv2.LINE_AA)
         panels.append(cv2.vconcat([strip, panel]))
-    return bytes(cv2.imencode(".png", cv2.hconcat(panels))[1])
+    return encode_image(cv2.hconcat(panels), ".png")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 

@@ -61,13 +61,13 @@ class InLab:
         Raises RolloutError if a trial keeps failing. The lab draws from its own random numbers, not `rng`.
         """
         task = self.rig.task
-        done = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
-        tracks = [track for _, track in done]
+        trials = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
+        tracks = [track for _, track in trials]
         return trials_of_rows(
-            np.stack([context for context, _ in done]),
+            np.stack([context for context, _ in trials]),
             actions,
             np.stack([task.observation(track) for track in tracks]),
-            np.array([task.score(track, context) for context, track in done]),
+            np.array([task.score(track, context) for context, track in trials]),
             map(task.end_of, tracks),
         )
 

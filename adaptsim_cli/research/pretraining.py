@@ -17,6 +17,7 @@ from adaptsim_cli.research.working import StageProgress, working_in
 
 if TYPE_CHECKING:
     from sim.research.pretraining.budget import OptionalStages, PretrainBudget
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 

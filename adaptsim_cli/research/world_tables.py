@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sim.lab.physics import Physics
     from sim.research.benchmark.tables import PlannedTable
     from sim.research.benchmark.worlds import BenchmarkWorld
+    from sim.rollouts.run import StageProgress
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 

@@ -201,13 +201,13 @@ def go_on_with(session: str, answering: str) -> str:
 
 def after_iteration(facts: SessionFacts, result: ResultRecord, answering: str = "") -> Steps:
     """The next commands, the likeliest first; `answering` are the flags of the program that answers, if known."""
-    verdict, done = result.verdict, result.iteration
+    verdict, number = result.verdict, result.iteration
     go_on = go_on_with(facts.name, answering)
-    again = (go_on, f"iteration {done + 1}")
+    again = (go_on, f"iteration {number + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
     if is_own(facts.hw):  # no session knows who answers: the configuration, or --answer-with each time
-        again = (go_on, f"iteration {done + 1}" + ("" if answering else ", with --answer-with as before"))
+        again = (go_on, f"iteration {number + 1}" + ("" if answering else ", with --answer-with as before"))
         use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as JSON")
         confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
@@ -232,8 +232,8 @@ def after_iteration(facts: SessionFacts, result: ResultRecord, answering: str = 
             is_open = result.control is not None and result.control.claim is Claim.OPEN
             why = "only for more pairs with the control" if is_open else "only to know the reward more precisely"
             steps: Steps = (confirm, (go_on, why))
-        case Kind.NOT_CONVERGED if done >= ENOUGH_ITERATIONS:
-            steps = (use, (go_on, f"{done} iterations are done; more rarely help"))
+        case Kind.NOT_CONVERGED if number >= ENOUGH_ITERATIONS:
+            steps = (use, (go_on, f"{number} iterations are done; more rarely help"))
         case _:
             steps = (again, use)
     return (*steps, *checks) if verdict.is_inexpressible else steps

@@ -108,8 +108,8 @@ def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:
     """The cost of the control in these iterations from `first` (from 0) on, in one sentence."""
     layout = store.facts.layout
     coming = range(first, first + iterations)
-    done = sum(trial.role is Role.CONTROL for trial in played_of(store) if trial.iteration - 1 in coming)
-    more = sum(slot.role is Role.CONTROL for i in coming for slot in layout.slots(i)) - done
+    so_far = sum(trial.role is Role.CONTROL for trial in played_of(store) if trial.iteration - 1 in coming)
+    more = sum(slot.role is Role.CONTROL for i in coming for slot in layout.slots(i)) - so_far
     each = layout.particles * layout.trials
     if not more:
         return (

@@ -17,10 +17,9 @@ from adaptsim_cli.errors import UsageError
 if TYPE_CHECKING:
     from adaptsim_cli.session.records import TrialRecord
     from adaptsim_cli.session.store import SessionStore
+    from sim.rollouts.run import StageProgress
 
 LAYOUT = "foxglove-layout.json"
-
-Progress = Callable[[str, int, int], None]
 
 SceneOf = Callable[["SessionStore", str], Mapping[str, bytes]]
 """Makes the files of a scene, by the name of its format."""
@@ -34,7 +33,7 @@ class Export:
     records: Sequence[TrialRecord]
     out: Path
     scene_of: SceneOf
-    progress: Progress
+    progress: StageProgress
 
     def recordings(self, suffix: str, encode: Callable[[Any], bytes]) -> list[Path]:
         """A file for each trial with its recording. Raises UsageError for a session without recordings."""
@@ -42,8 +41,8 @@ class Export:
         from adaptsim_cli.session.exporting import written
 
         paths = list[Path]()
-        for done, record in enumerate(self.records):
-            self.progress("trials", done + 1, len(self.records))
+        for number, record in enumerate(self.records, start=1):
+            self.progress("trials", number, len(self.records))
             try:
                 trial = replaying.open_trial(self.store, record)
             except UsageError as error:
@@ -186,7 +185,7 @@ def export(
     kind: str,
     out: Path,
     scene_of: SceneOf,
-    progress: Progress = lambda stage, done, total: None,
+    progress: StageProgress = lambda stage, done, total: None,
 ) -> list[Path]:
     """Write the counting trials to `out`: a file for tables, else a folder. Returns the written paths.
 

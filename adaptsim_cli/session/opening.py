@@ -54,7 +54,7 @@ from sim.tasks import files_of
 from sim.tasks.task import Executable, Expectations, Policies, Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.bench.devices.lab import Drivers
+    from adaptsim_cli.bench.devices.drivers import Drivers
     from sim.adaptation.checkpoint import Checkpoint
 
 
@@ -192,8 +192,8 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     if not (session / FACTS).is_file():
         return set()
     store = SessionStore.open(session.parent, session.name)
-    done = store.existing()
-    keys = done.completed | done.recorded
+    existing = store.existing()
+    keys = existing.completed | existing.recorded
     used = [store.motion(store.iteration_of(key.number), key).action_array for key in keys]
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 

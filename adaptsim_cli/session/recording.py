@@ -27,7 +27,7 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import topics
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.store import PRUNED, SessionStore
-from hw.bounded import decode_image
+from hw.bounded import decode_image, encode_image
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
 from perception.types import ObjectTrack
 
@@ -69,7 +69,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
     """
     t_ns, rgb = topics.ns(frame.t_s), frame.colour
     if lossless:
-        layout, content = "png", _encoded(".png", rgb, cv2.IMWRITE_PNG_COMPRESSION, 1)
+        layout, content = "png", encode_image(rgb[..., ::-1], ".png", 1)
     else:
         layout, content = "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
     colour = topics.compressed_image(t_ns, "camera_colour", layout, content)
@@ -288,14 +288,7 @@ def _pictures(frames: Sequence[StoredFrame], colour_topic: str, depth_topic: str
 
 def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     """(H, W, 3) RGB as JPEG."""
-    return _encoded(".jpg", rgb, cv2.IMWRITE_JPEG_QUALITY, quality)
-
-
-def _encoded(suffix: str, rgb: Bytes, option: int, value: int) -> bytes:
-    ok, content = cv2.imencode(suffix, rgb[..., ::-1], [option, value])
-    if not ok:
-        raise SessionError(f"a colour image could not be encoded as {suffix}")
-    return bytes(content.tobytes())
+    return encode_image(rgb[..., ::-1], ".jpg", quality)
 
 
 def _pixels(message: Any) -> Bytes:

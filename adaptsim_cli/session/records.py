@@ -224,8 +224,8 @@ class TrialRecord(MotionRecord):
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 
     @property
-    def succeeded(self) -> bool:
-        """Whether it earned more than `FAILED`, as a success or by partial credit; for dots, pills and counts."""
+    def is_rewarded(self) -> bool:
+        """Whether its reward is above `FAILED`, for a success or as partial credit; for dots, pills and counts."""
         return self.reward > FAILED
 
     @property

@@ -14,7 +14,7 @@ from adaptsim_cli.session.history import played_of, trials_of
 from adaptsim_cli.session.records import ResultRecord, Samples
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.adaptation import Assessment
-from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.method import Iteration, Particle, trials_in
 from sim.adaptation.stages import Adapt, changes_until
 from sim.tasks.task import Task
 
@@ -77,7 +77,7 @@ def _suspicion(task: Task, store: SessionStore) -> SuspicionRecord | None:
 
 def _mean_reward(history: Sequence[Iteration], trials: tuple[int, ...]) -> float | None:
     """The mean reward of the trials with these numbers, counted from 1; None for no trials."""
-    rewards = [trial.reward for iteration in history for entry in iteration for trial in entry.trials]
+    rewards = [trial.reward for trial in trials_in(history)]
     return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
 
 

@@ -16,12 +16,11 @@ from typing import Any, Protocol, TypeVar
 from adaptsim_cli.bench.rig import Image, Tracker
 from adaptsim_cli.config import Config
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.live_trial import Motion, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.own.exchange import Answerer
+from adaptsim_cli.session.own.exchange import Answerer, Mover
 from adaptsim_cli.session.records import SessionFacts
 from hw.types import Array
 from perception.types import Outcome
@@ -35,26 +34,10 @@ Placed = TypeVar("Placed", bound=PlacedTrial)
 Planned = TypeVar("Planned", bound=PlannedTrial)
 
 
-class Target(Protocol[Placed, Planned]):
+class Target(Mover, Protocol[Placed, Planned]):
     """The target that a session adapts to. Its own types of placed and planned trials have everything that its next
     step needs.
     """
-
-    @property
-    def title(self) -> str:
-        """Its name for an operator."""
-
-    @property
-    def moves(self) -> bool:
-        """Whether something real moves, so that an interrupted attempt is spent."""
-
-    @property
-    def needs_consent(self) -> bool:
-        """Whether a person confirms every motion at the terminal, also with --yes."""
-
-    @property
-    def release(self) -> Release:
-        """The questions that let its arm move; without an arm there is none."""
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:

@@ -109,7 +109,7 @@ def trials_needed(forecast: TrialsForecast) -> str:
 
 def tracked(record: TrialRecord) -> RenderableType:
     """The result of a trial beside its prediction."""
-    style = "green" if record.succeeded else "yellow"
+    style = "green" if record.is_rewarded else "yellow"
     result = Text.assemble("Tracked: ", (f"{record.outcome_words}, reward {record.reward:.2f}", style))
     if not record.is_blind:
         result.append(f" (predicted {record.predicted_reward:.2f})", "dim")

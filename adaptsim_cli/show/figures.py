@@ -73,7 +73,7 @@ def rewards(
             canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)
             mean = y(trial.predicted_reward)
             canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle - 1}")
-            css = "dot" if trial.succeeded else "dot open"
+            css = "dot" if trial.is_rewarded else "dot open"
             canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", _told(trial))
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
@@ -267,7 +267,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
         if trial.goal_m is not None:
             end = x(path[-1, 0]), y(path[-1, 1])
             canvas.line(*end, x(trial.goal_m[0]), y(trial.goal_m[1]), f"miss {css}")
-        _path(canvas, x, y, path, trial.goal_m, css, _told(trial), is_success=trial.succeeded)
+        _path(canvas, x, y, path, trial.goal_m, css, _told(trial), is_rewarded=trial.is_rewarded)
     return canvas.svg()
 
 
@@ -276,7 +276,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
     curves = []
     for trial in trials:
         css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
-        css += "" if trial.succeeded else " failed"
+        css += "" if trial.is_rewarded else " failed"
         curves.append((np.array(trial.track.t_s), np.array(trial.track.state)[:, column], css, _told(trial)))
     return _over_time(curves, label, width)
 
@@ -298,7 +298,7 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
             canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
         canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
         canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
-        _path(canvas, x, y, course, trial.goal_m, css, "observed", is_success=trial.succeeded)
+        _path(canvas, x, y, course, trial.goal_m, css, "observed", is_rewarded=trial.is_rewarded)
         return canvas.svg()
     canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.trial}, observed and predicted")
     t_s = np.array(trial.track.t_s)
@@ -355,7 +355,7 @@ def _path(
     css: str,
     label: str,
     *,
-    is_success: bool,
+    is_rewarded: bool,
 ) -> None:
     """A path from its start to its end, and a cross at its goal."""
     pixels = _pixels(x, y, path_m[:, 0], path_m[:, 1])
@@ -365,7 +365,7 @@ def _path(
             canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {label}")
     canvas.curve(pixels, f"track {css}", label)
     canvas.dot(*pixels[0], 3, f"dot open {css}", label)
-    canvas.dot(*pixels[-1], 4.5, f"dot {css}" if is_success else f"dot open {css}", label)
+    canvas.dot(*pixels[-1], 4.5, f"dot {css}" if is_rewarded else f"dot open {css}", label)
 
 
 def _over_time(curves: Sequence[tuple[Array, Array, str, str]], label: str, width: float) -> str:

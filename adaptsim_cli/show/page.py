@@ -147,7 +147,7 @@ def render(
         else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         failed=FAILED,
-        successes=sum(t.succeeded for t in trials),
+        rewarded_trials=sum(t.is_rewarded for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
         figure_simulator=both(lambda width: figures.levels(simulated, width)) if simulated else "",
         figure_rewards=both(

@@ -111,5 +111,9 @@ def now_of(lines: Sequence[LogLine]) -> dict[str, Any]:
     since_s = datetime.fromisoformat(last.at).timestamp()
     if last.event == "asked":
         return {"doing": "", "question": last.text, "since_s": since_s}
-    done = next((line.text for line in reversed(lines) if line.event == "done"), "")
-    return {"doing": f"Running; the last step: {done}" if done else "Running", "question": "", "since_s": since_s}
+    last_step = next((line.text for line in reversed(lines) if line.event == "done"), "")
+    return {
+        "doing": f"Running; the last step: {last_step}" if last_step else "Running",
+        "question": "",
+        "since_s": since_s,
+    }

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.bench.devices import lab
+from adaptsim_cli.bench.devices import drivers
 from adaptsim_cli.commands import app
 from hw.errors import DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
@@ -99,8 +99,8 @@ def main(folder: str, *arguments: str) -> int:
     def camera(part: Any, infrared: bool) -> SocketCamera:
         return SocketCamera(Path(folder) / "camera.sock", infrared=infrared)
 
-    devices = replace(lab.makers_drivers(), arm=arm, camera=camera)
-    lab.makers_drivers = lambda: devices
+    devices = replace(drivers.makers_drivers(), arm=arm, camera=camera)
+    drivers.makers_drivers = lambda: devices
     return app.run(arguments)
 
 

@@ -159,15 +159,15 @@ class K4aDevice:
         return self._device
 
     def _set(self, command: int, value: int, what: str) -> None:
-        done = self._library.k4a_device_set_color_control(self._handle, command, k4a.MODE_MANUAL, value)
-        self._need(done, f"its {what} cannot be set to {value}")
+        result = self._library.k4a_device_set_color_control(self._handle, command, k4a.MODE_MANUAL, value)
+        self._need(result, f"its {what} cannot be set to {value}")
 
     def _get(self, command: int, what: str) -> int:
         mode, value = ctypes.c_int(), ctypes.c_int32()
-        done = self._library.k4a_device_get_color_control(
+        result = self._library.k4a_device_get_color_control(
             self._handle, command, ctypes.byref(mode), ctypes.byref(value)
         )
-        self._need(done, f"its {what} cannot be read")
+        self._need(result, f"its {what} cannot be read")
         if mode.value != k4a.MODE_MANUAL:
             raise CameraError(
                 f"camera {self.serial}: its {what} stayed automatic; unplug it for ten seconds and run the command "

@@ -36,17 +36,13 @@ KINDS = {
 }
 
 
-def _complaint(_: str, kind: object) -> str:
-    return "" if isinstance(kind, CameraKind) else f"is a {type(kind).__name__}, not a CameraKind"
-
-
 CAMERAS = Registry[CameraKind](
     label="camera",
     group="adaptsim.cameras",
     attribute="CAMERA",
     ours=KINDS,
     error=DeviceUnavailable,
-    complaint=_complaint,
+    value_type=CameraKind,
 )
 
 

@@ -139,10 +139,10 @@ class FrankaHand:
 
     def _did(self, command: Callable[[], bool], why: str, kind: type[HandError] = HandError) -> None:
         try:
-            done = command()
+            is_finished = command()
         except self._errors as error:
             raise HandError(f"the hand stopped ({error}); look at it, home it, and run again") from error
-        if not done:
+        if not is_finished:
             raise kind(f"the hand {why}")
 
     def _read(self) -> Any:

@@ -100,17 +100,13 @@ PROTOCOLS = {
 }
 
 
-def _complaint(_: str, protocol: object) -> str:
-    return "" if isinstance(protocol, BalanceProtocol) else f"is a {type(protocol).__name__}, not a BalanceProtocol"
-
-
 BALANCES = Registry[BalanceProtocol](
     label="balance",
     group="adaptsim.balances",
     attribute="BALANCE",
     ours=PROTOCOLS,
     error=DeviceUnavailable,
-    complaint=_complaint,
+    value_type=BalanceProtocol,
 )
 
 

@@ -135,8 +135,8 @@ def _chessboard(target: Chessboard, image: Image, camera: Intrinsics) -> Corners
     for search in (0, cv2.CALIB_CB_EXHAUSTIVE):
         for picture in (grey, 255 - grey):  # the second for a print with a dark rim
             flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | search
-            done, px = cv2.findChessboardCornersSB(picture, size, flags=flags)
-            if not done:
+            is_found, px = cv2.findChessboardCornersSB(picture, size, flags=flags)
+            if not is_found:
                 continue
             corners = Corners(np.arange(target.corners), px.reshape(-1, 2).astype(np.float64))
             why = _off_plane(corners, target, camera) or _not_chequered(grey, corners, target)
@@ -192,9 +192,10 @@ def _not_chequered(grey: NDArray[np.uint8], corners: Corners, target: Chessboard
 @_find.register
 def _circles(target: Circles, image: Image, camera: Intrinsics) -> Corners:
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.staggered else cv2.CALIB_CB_SYMMETRIC_GRID
-    done, px = cv2.findCirclesGrid(in_grey(image), (target.across, target.down), flags=kind | cv2.CALIB_CB_CLUSTERING)
-    if not done:
-        done, px = cv2.findCirclesGrid(in_grey(image), (target.across, target.down), flags=kind)
-    if not done:
+    grey, size = in_grey(image), (target.across, target.down)
+    is_found, px = cv2.findCirclesGrid(grey, size, flags=kind | cv2.CALIB_CB_CLUSTERING)
+    if not is_found:
+        is_found, px = cv2.findCirclesGrid(grey, size, flags=kind)
+    if not is_found:
         raise BoardNotFound(f"no grid of {target.name} in the picture: all of them must be visible, dark on white")
     return Corners(np.arange(target.corners), px.reshape(-1, 2).astype(np.float64))

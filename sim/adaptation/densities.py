@@ -134,3 +134,9 @@ def systematic(weights: Array, n: int) -> Array:
     """(n,) indices drawn in proportion to weights (N,), evenly."""
     places = (np.arange(n) + 0.5) / n
     return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
+
+
+def weights_of(log: Array) -> Array:
+    """(N,) weights that sum to 1, from their logarithms (N,) up to a constant."""
+    likely = np.exp(log - log.max())
+    return np.asarray(likely / likely.sum())

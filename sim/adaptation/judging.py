@@ -17,6 +17,7 @@ from sim.adaptation.method import (
     OwnPolicies,
     SessionForecast,
     Trial,
+    trials_in,
 )
 from sim.adaptation.predictions import PredictionQuality, prediction_quality
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -79,7 +80,7 @@ SAME_ACTION = 0.02
 
 def repeated_trials(policy: SolvedPolicy, task: Task, history: Sequence[Iteration]) -> tuple[int, ...]:
     """The trials, numbered from 1 in the order of the history, whose action `policy` would repeat in their context."""
-    trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
+    trials = trials_in(history)
     if not trials:
         return ()
     actions = policy.actions(np.array([trial.context for trial in trials]))
@@ -131,7 +132,7 @@ def verdict_of(
 
     `best` are the final parameters; `forecast` is None if the method makes none.
     """
-    trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
+    trials = trials_in(history)
     limit = SLACK * misfits.expectations.misfit_limit
     strange = 0 if np.isinf(limit) else sum(misfits.of(t) > limit for t in trials)  # a misfit may cost rollouts
     reasons = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
@@ -160,7 +161,7 @@ def verdict_of(
 
 def _quality(history: Sequence[Iteration]) -> PredictionQuality | None:
     """The quality of the predictions from the second iteration on, which rest on at least one trial."""
-    trials = [trial for iteration in history[1:] for entry in iteration for trial in entry.trials]
+    trials = trials_in(history[1:])
     latest = sum(len(entry.trials) for entry in history[-1])
     return prediction_quality(np.array([t.predicted for t in trials]), np.array([t.reward for t in trials]), latest)
 

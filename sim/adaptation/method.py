@@ -99,6 +99,11 @@ Iteration = tuple[ParticleTrials, ...]
 """One iteration of a session: every particle with its trials."""
 
 
+def trials_in(history: Sequence[Iteration]) -> list[Trial]:
+    """All trials of these iterations, in order."""
+    return [trial for iteration in history for entry in iteration for trial in entry.trials]
+
+
 @dataclass(frozen=True, eq=False)
 class Best:
     """The final parameters of a session, and their estimated reward on the real target."""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from hw.types import Array, frozen_array
-from sim.adaptation.densities import systematic
+from sim.adaptation.densities import systematic, weights_of
 from sim.adaptation.discrepancy import (
     END,
     FACTORS,
@@ -64,7 +64,7 @@ class OutcomePosterior:
         """
         if not self.trials:
             return np.full(len(self.simulators.truths), 1.0 / len(self.simulators.truths))
-        return _weights(self._log_posterior(self.simulators.on_grid(self.trials)))
+        return weights_of(self._log_posterior(self.simulators.on_grid(self.trials)))
 
     @cached_property
     def parameters(self) -> Array:
@@ -78,7 +78,7 @@ class OutcomePosterior:
         first = self._candidates
         if first.predicted is None:
             return first.parameters, self.weights
-        return first.parameters, _weights(first.log_prior + self._log_posterior(first.predicted))
+        return first.parameters, weights_of(first.log_prior + self._log_posterior(first.predicted))
 
     def _log_posterior(self, predicted: Predicted) -> Array:
         """(K,) log-likelihoods of simulators by trajectories, success and end states."""
@@ -173,7 +173,7 @@ class OutcomePosterior:
     @cached_property
     def _trajectory_weights(self) -> Array:
         """(K,) weights by the trajectories only; the noise of trials is averaged with them."""
-        return _weights(self._log_trajectory_weights)
+        return weights_of(self._log_trajectory_weights)
 
     @cached_property
     def _log_trajectory_weights(self) -> Array:
@@ -250,8 +250,3 @@ def predicted_interval(earned: Array) -> tuple[float, float]:
     mean = float(earned.mean())
     low, high = np.clip(mean + WIDER * (np.quantile(earned, [0.025, 0.975]) - mean), 0.0, 1.0)
     return float(low), float(high)
-
-
-def _weights(log: Array) -> Array:
-    likely = np.exp(log - log.max())
-    return np.asarray(likely / likely.sum())

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from hw.types import Array
-from sim.adaptation.densities import Kernels, Prior
+from sim.adaptation.densities import Kernels, Prior, weights_of
 
 RESOLVED = 32.0
 """Effective number of points that carry a resolved likelihood."""
@@ -55,7 +55,7 @@ def refined(
     points, log, proposals = cloud, cloud_log, list[Kernels]()
     while True:
         log_prior = _log_prior(points, prior, len(cloud), proposals, drawn)
-        weights = _weights(log_prior + log)
+        weights = weights_of(log_prior + log)
         is_resolved = 1.0 / (weights**2).sum() >= RESOLVED and (first is None or proposals)
         if len(proposals) == most or is_resolved:
             return WeightedPoints(points, weights, log_prior)
@@ -86,11 +86,6 @@ def _tempered(prior: Array, log: Array) -> Array:
     finite = np.where(np.isfinite(log), log, -1e300)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        is_wide = 1.0 / (_weights(prior + middle * finite) ** 2).sum() >= RESOLVED
+        is_wide = 1.0 / (weights_of(prior + middle * finite) ** 2).sum() >= RESOLVED
         low, high = (middle, high) if is_wide else (low, middle)
-    return _weights(prior + low * finite)
-
-
-def _weights(log: Array) -> Array:
-    likely = np.exp(log - log.max())
-    return np.asarray(likely / likely.sum())
+    return weights_of(prior + low * finite)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.densities import Prior
+from sim.adaptation.densities import Prior, weights_of
 from sim.adaptation.method import Iteration, Trial
 from sim.rollouts.draws import Disturbances, varies
 from sim.solvers.misfit import log_likelihood, observed_share, squares
@@ -40,8 +40,7 @@ class TrajectoryLikelihood:
 
     def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
         """(T,) probabilities of `truths`: before the first iteration, and after each."""
-        likely = (np.exp(log - log.max()) for log in self.after_each(history))
-        return [np.asarray(weights / weights.sum()) for weights in likely]
+        return [weights_of(log) for log in self.after_each(history)]
 
     def of(self, trial: Trial, parameters: Array) -> Array:
         """(N,) log-likelihoods of a trial's trajectory for parameters (N, p) in units."""

@@ -46,7 +46,9 @@ class TrialsForecast(Record):
     sessions: int = Field(description="imagined sessions")
     trials: int = Field(description="trials of each")
     seed: int = Field(description="seed of worlds and trials")
-    first_success: TrialsNeeded = Field(description="trials until the end of the iteration with the first success")
+    first_success: TrialsNeeded = Field(
+        description="trials until the end of the iteration with the first reward above 0.05"
+    )
     stop: TrialsNeeded | None = Field(
         default=None, description="trials until the verdict says stop, in files of earlier versions; else null"
     )

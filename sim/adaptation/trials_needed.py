@@ -17,7 +17,7 @@ from hw.types import Array
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.discrepancy import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy
-from sim.adaptation.method import FAILED, Iteration, Trial, trials_of_rows
+from sim.adaptation.method import FAILED, Iteration, Trial, trials_in, trials_of_rows
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
 from sim.adaptation.paired import is_gain_shown
@@ -94,7 +94,7 @@ class SessionCourse:
     @property
     def trials(self) -> list[Trial]:
         """The session's own trials, in order; each knows its prediction."""
-        return [trial for iteration in self.history for entry in iteration for trial in entry.trials]
+        return trials_in(self.history)
 
     @property
     def each(self) -> int:
@@ -103,9 +103,9 @@ class SessionCourse:
 
     @property
     def first_success(self) -> int | None:
-        """Trials until the end of the iteration with the first success; None: none succeeded."""
-        succeeded = [trial.reward > FAILED for trial in self.trials]
-        return self.each * (succeeded.index(True) // self.each + 1) if True in succeeded else None
+        """Trials until the end of the iteration with the first reward above `FAILED`; None: there is none."""
+        rewarded = [trial.reward > FAILED for trial in self.trials]
+        return self.each * (rewarded.index(True) // self.each + 1) if True in rewarded else None
 
     @property
     def differences(self) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.errors import RolloutError, SimError
+from sim.errors import simulating
 from sim.lab.physics import simulate_of
 from sim.lab.world import World
 from sim.tasks.library import library_of
@@ -24,15 +24,8 @@ def rollout_in(world: World, context: Array, action: Array, task: Task | None = 
     physics is not installed, RolloutError if the task's code fails.
     """
     simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
-    try:
+    with simulating(world.task, f"world {world.name}, action {np.asarray(action).tolist()}"):
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
-    except SimError:
-        raise
-    except Exception as error:  # a task of another package may raise anything
-        raise RolloutError(
-            f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
-            f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
-        ) from error
 
 
 def task_in(world: World, task: Task) -> Task:

@@ -33,6 +33,10 @@ IN_FLIGHT = 4096
 """Chunks in the executor's queue at a time, under 2 KB each: work for a thousand workers, and an end to the queue."""
 
 Progress = Callable[[int, int], None]
+"""(rollouts so far, all)"""
+
+StageProgress = Callable[[str, int, int], None]
+"""(stage, parts of it so far, all)"""
 
 
 @dataclass(frozen=True, eq=False)

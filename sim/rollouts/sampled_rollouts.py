@@ -11,7 +11,7 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.errors import RolloutError, SimError
+from sim.errors import RolloutError, simulating
 from sim.rollouts.draws import sobol
 from sim.tasks.task import Task
 
@@ -107,15 +107,8 @@ def rolled(task: Task, parameters: Array, context: Array, action: Array, nuisanc
     p, c, a, n = frozen = tuple(np.array(v) for v in (parameters, context, action, nuisance))
     for values in frozen:
         values.flags.writeable = False
-    try:
+    with simulating(task.name, f"parameters {p.tolist()}, action {a.tolist()}"):
         track = task.simulate(p, c, a, n)
-    except SimError:
-        raise
-    except Exception as error:  # a task of another package may raise anything
-        raise RolloutError(
-            f"the task {task.name} cannot simulate parameters {parameters.tolist()}, action {action.tolist()}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
     if not isinstance(track, ObjectTrack):
         raise RolloutError(f"`simulate` of the task {task.name} returns {type(track).__name__}, not an ObjectTrack")
     return SampledRollout(p, c, a, n, track, time.perf_counter() - began)

@@ -46,7 +46,7 @@ PROBES = 8
 class _PointRollouts:
     """The rollouts of one action so far, by points of the grid."""
 
-    done: NDArray[np.bool_]  # (K,)
+    is_known: NDArray[np.bool_]  # (K,)
     success: Array  # (K,)
     end: Array  # (K, k)
     observation: Array  # (K, size)
@@ -60,7 +60,7 @@ class _PointRollouts:
 
     def take(self, at: NDArray[np.intp] | slice, rolled: Rollouts) -> None:
         """Take rollouts at points of the grid as simulated."""
-        self.done[at] = True
+        self.is_known[at] = True
         self.success[at] = rolled.succeeded
         self.end[at] = rolled.successful_ends
         self.observation[at] = rolled.observation
@@ -150,9 +150,9 @@ class GridSolver(FromOutcomes):
     def tensors(self) -> dict[str, Array]:
         """The rollouts of all actions that are known at every point, for a checkpoint; `restore` reads them."""
         a = len(self.task.action)
-        whole = {key: one for key, one in self._simulated.items() if one.done.all()}
+        whole = {key: one for key, one in self._simulated.items() if one.is_known.all()}
         inputs = [(np.frombuffer(key[: 8 * a]), np.frombuffer(key[8 * a :])) for key in whole]
-        names = {f.name for f in fields(_PointRollouts)} - {"done"}
+        names = {f.name for f in fields(_PointRollouts)} - {"is_known"}
         if self.task.reward_of_failure is None:
             names -= {"failure_reward"}
         if not whole:
@@ -174,8 +174,8 @@ class GridSolver(FromOutcomes):
                         f"the checkpoint's grid has {len(success)} points, and this version uses {len(self.points)}: "
                         "pretrain again"
                     )
-                done = np.ones(len(self.points), dtype=bool)
-                self._simulated[_key(action, nuisance)] = _PointRollouts(done, success, *others)
+                is_known = np.ones(len(self.points), dtype=bool)
+                self._simulated[_key(action, nuisance)] = _PointRollouts(is_known, success, *others)
         except (KeyError, ValueError) as error:
             raise CheckpointError(f"the checkpoint's grid is incomplete ({error}): pretrain again") from error
 
@@ -200,7 +200,7 @@ class GridSolver(FromOutcomes):
         """The known outcomes of an action, at least at `points`."""
         task, key = self.task, _key(action, nuisance)
         entry = self._simulated.get(key)
-        missing = np.unique(points if entry is None else points[~entry.done[points]])
+        missing = np.unique(points if entry is None else points[~entry.is_known[points]])
         if len(missing):
             at = zip(self.points[missing], self.contexts[missing], strict=True)
             rolled = observed(task, [task.simulate(p, context, action, nuisance) for p, context in at])

@@ -26,14 +26,14 @@ TASKS = {
 """Name -> module with the `TASK`, for our tasks."""
 
 
-def _complaint(name: str, task: object) -> str:
-    if isinstance(task, Task):
-        return "" if task.name == name else f'is called "{task.name}"; both names must agree'
-    return f"is a {type(task).__name__}, not a Task"
-
-
 REGISTRY = Registry[Task](
-    label="task", group="adaptsim.tasks", attribute="TASK", ours=TASKS, error=UnknownName, complaint=_complaint
+    label="task",
+    group="adaptsim.tasks",
+    attribute="TASK",
+    ours=TASKS,
+    error=UnknownName,
+    value_type=Task,
+    complaint=lambda name, task: "" if task.name == name else f'is called "{task.name}"; both names must agree',
 )
 
 

@@ -96,9 +96,9 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
         assert int(strange) <= int(of) <= len(trials)
 
     html = session.report().read_text(encoding="utf-8")
-    successes = re.search(r"trials that succeeded</dt><dd>(\d+) <small>of (\d+)", html)
-    assert successes is not None
-    assert numbers(" ".join(successes.groups())) == [sum(t.reward > FAILED for t in trials), len(trials)]
+    rewarded = re.search(r"trials that earned a reward</dt><dd>(\d+) <small>of (\d+)", html)
+    assert rewarded is not None
+    assert numbers(" ".join(rewarded.groups())) == [sum(t.reward > FAILED for t in trials), len(trials)]
     assert ("not yet tried" in html) == bool(claims[-1][0])
     means = [np.mean([trial.reward for trial in trials[i * per : (i + 1) * per]]) for i in range(iterations)]
     (sentence, last, of_udr), *_ = GAIN.findall(said)

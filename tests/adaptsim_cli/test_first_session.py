@@ -57,7 +57,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[OnlyEnter]:
 @pytest.fixture
 def devices(monkeypatch: pytest.MonkeyPatch) -> ToyDevices:
     toys = ToyDevices(hand=FakeHand(0.012, holds=True))
-    monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", toys.drivers)
+    monkeypatch.setattr("adaptsim_cli.bench.devices.drivers.makers_drivers", toys.drivers)
     monkeypatch.setattr(describing, "serial_ports", lambda _: ())
     monkeypatch.setattr(describing, "_Drawn", lambda _: None)
     monkeypatch.setattr(checks, "examine", lambda *_: iter(()))  # a computer and devices that lack nothing

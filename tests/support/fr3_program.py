@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from adaptsim_cli.bench.devices import lab, real
+from adaptsim_cli.bench.devices import drivers, real
 from adaptsim_cli.commands import app
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
@@ -155,8 +155,8 @@ def main(cue_fd: str, world: str, *arguments: str) -> int:
     def arm(cell: Workcell, settings: Any, pedal: Any) -> ShownArm:
         return ShownArm(franka(cell, settings, PATIENT, pedal=pedal), shown, cue)
 
-    devices = replace(lab.makers_drivers(), arm=arm, camera=lambda part, infrared: ShownCamera(shown))
-    lab.makers_drivers = lambda: devices
+    devices = replace(drivers.makers_drivers(), arm=arm, camera=lambda part, infrared: ShownCamera(shown))
+    drivers.makers_drivers = lambda: devices
     pedal_protocol.SILENCE_S = SILENCE_S
     vars(real)["Person"] = lambda: Placing(shown)
     return app.run(arguments)

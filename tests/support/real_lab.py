@@ -15,7 +15,7 @@ from players import InstantArm
 from rich.console import Console
 
 from adaptsim_cli.bench import calibration_in_use
-from adaptsim_cli.bench.devices.lab import Drivers
+from adaptsim_cli.bench.devices.drivers import Drivers
 from adaptsim_cli.bench.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.screen.console import Screen

@@ -37,8 +37,8 @@ class Arrival(Enum):
 class BoardMover(Protocol):
     """The visits of a series, one place after another."""
 
-    def numbers(self, done: Set[int]) -> Sequence[int]:
-        """The places to visit, in order; `done` are those with a view."""
+    def numbers(self, viewed: Set[int]) -> Sequence[int]:
+        """The places to visit, in order; `viewed` are those with a view."""
 
     def series(self) -> AbstractContextManager[None]:
         """Announce the series before its first motion; a context manager around all of it. Raises UsageError."""
@@ -60,9 +60,9 @@ class Automatic:
     home_rad: Array  # (7,) the arm's first posture
     unattended: bool
 
-    def numbers(self, done: Set[int]) -> Sequence[int]:
+    def numbers(self, viewed: Set[int]) -> Sequence[int]:
         """The planned postures that have no view yet."""
-        return [number for number in range(len(self.q_rad)) if number not in done]
+        return [number for number in range(len(self.q_rad)) if number not in viewed]
 
     def series(self) -> AbstractContextManager[None]:
         """Announce the motions: the first one is watched, then one answer releases the others. Raises UsageError."""
@@ -101,9 +101,9 @@ class HandGuided:
 
     screen: Screen
 
-    def numbers(self, done: Set[int]) -> Sequence[int]:
+    def numbers(self, viewed: Set[int]) -> Sequence[int]:
         """Numbers of further views, as many as a person may take."""
-        first = max(done, default=-1) + 1
+        first = max(viewed, default=-1) + 1
         return range(first, first + GUIDED)
 
     def series(self) -> AbstractContextManager[None]:

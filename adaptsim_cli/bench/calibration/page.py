@@ -12,6 +12,7 @@ from adaptsim_cli.bench.calibration import figures, pictures
 from adaptsim_cli.bench.calibration.solving import SolvedFolder
 from adaptsim_cli.screen import views
 from calib.saved import SavedCalibration
+from hw.bounded import encode_image
 from perception.board import locate
 from perception.errors import BoardNotFound
 
@@ -89,5 +90,4 @@ def _url(jpeg: bytes) -> str:
         return ""
     scale = min(1.0, PICTURE_PX / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    data = cv2.imencode(".jpg", small, (cv2.IMWRITE_JPEG_QUALITY, 82))[1].tobytes()
-    return "data:image/jpeg;base64," + base64.b64encode(data).decode()
+    return "data:image/jpeg;base64," + base64.b64encode(encode_image(small, ".jpg", 82)).decode()

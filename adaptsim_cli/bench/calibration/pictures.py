@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.bench.calibration.solving import SolvedFolder
 from calib.errors import UnusableViews
 from calib.types import View
+from hw.bounded import encode_image
 from hw.capsules import segments
 from hw.joint_limits import LIMITS
 from hw.kinematics import FLANGE, forward, link_poses
@@ -120,7 +121,7 @@ def draw_arm(solved: SolvedFolder) -> ArmPictures:
 
 def jpeg(image: NDArray[np.uint8]) -> bytes:
     """JPEG of (H, W, 3) BGR."""
-    return cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 88))[1].tobytes()
+    return encode_image(image, ".jpg", 88)
 
 
 def _picture(solved: SolvedFolder, view: View, camera: Intrinsics) -> NDArray[np.uint8] | None:
@@ -214,8 +215,7 @@ def draw_view(
     px = cv2.projectPoints(axes, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)
     for end, bgr in zip(px[1:], ((40, 40, 230), (60, 180, 40), (230, 90, 30)), strict=True):
         cv2.arrowedLine(image, _whole(px[0]), _whole(end), bgr, 2 * scale, cv2.LINE_AA, tipLength=0.2)
-    done, data = cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, _OVERLAY_QUALITY))
-    return data.tobytes() if done else b""
+    return encode_image(image, ".jpg", _OVERLAY_QUALITY)
 
 
 def _whole(px: Array) -> tuple[int, int]:

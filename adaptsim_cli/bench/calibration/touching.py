@@ -20,6 +20,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from calib import files
 from calib.touch import LIMIT_SCATTER_M, MIN_TOUCHES, pivot
+from hw.bounded import encode_image
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Board, Corners
@@ -70,8 +71,7 @@ def ringed(colour: NDArray[np.uint8], corners: Corners, corner: int) -> bytes:
     u, v = corners.px[int(np.flatnonzero(corners.ids == corner)[0])]
     radius = max(6, image.shape[0] // 40)
     cv2.circle(image, (round(16 * u), round(16 * v)), 16 * radius, (40, 40, 230), 2, cv2.LINE_AA, shift=4)
-    done, data = cv2.imencode(".jpg", image)
-    return data.tobytes() if done else b""
+    return encode_image(image, ".jpg")
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,7 @@ class PersonBeside:
 
     arm: ConfirmedArm
     camera: Camera
-    mounted: MountedTask
+    mounted_task: MountedTask
     screen: Screen
     scales: Scales | None
     watch: ToolWatch | None  # None: no hand holds the tool
@@ -151,7 +151,7 @@ class PersonBeside:
         """Move slowly from the arm's present posture, around all obstacles, to the start posture of trials."""
         from sim.panda.moves import free_path
 
-        lab, q_rad = self.mounted, self.arm.state().q_rad
+        lab, q_rad = self.mounted_task, self.arm.state().q_rad
         if np.abs(q_rad - lab.home_rad).max() <= AT_HOME_RAD:
             return
         path = free_path(q_rad, lab.home_rad, lab.cell)

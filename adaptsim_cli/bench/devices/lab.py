@@ -1,12 +1,8 @@
-"""The interface of a lab, real or simulated: its description, known without any device, and its devices.
-
-`makers_drivers` names the drivers of real ones.
-"""
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from adaptsim_cli.bench.calibration.parts import BoardHandler
@@ -18,15 +14,13 @@ from adaptsim_cli.bench.touch_off.parts import PersonAtTool
 from adaptsim_cli.screen.release import Release
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
-from hw.ports import Arm, Balance, Camera, Hand, Pedal
+from hw.ports import Arm, Camera, Hand
 from hw.types import Array
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
-    from adaptsim_cli.bench.rig_file.description import CameraPart
-    from adaptsim_cli.bench.rig_file.devices import BalancePart, PedalPart
     from hw.franka.motions import StopReport
-    from hw.franka.settings import FrankaSettings, Payload
+    from hw.franka.settings import Payload
     from sim.lab.board import HeldBoard
 
 
@@ -95,29 +89,3 @@ class RealArm(Arm, Protocol):
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drivers:
-    """One function per device: it makes the device, not connected. Raises DeviceUnavailable without its driver."""
-
-    arm: Callable[[Workcell, FrankaSettings, Pedal | None], RealArm]  # it refuses what the cell does not allow
-    camera: Callable[[CameraPart, bool], Camera]  # True: with the infrared image in every frame
-    pedal: Callable[[PedalPart], Pedal]
-    balance: Callable[[BalancePart], Balance]
-    hand: Callable[[str, str, Pedal | None], Hand]  # of the arm's model, at a host; with a pedal it moves while held
-
-
-def makers_drivers() -> Drivers:
-    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
-    from adaptsim_cli.bench.rig_file.devices import BALANCE, PEDAL
-    from hw.franka.arm import open_franka
-    from hw.franka.hand_process import HandProcess
-
-    return Drivers(
-        arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
-        camera=lambda part, infrared: part.camera(infrared=infrared),
-        pedal=PEDAL.driver,
-        balance=BALANCE.driver,
-        hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
-    )

@@ -85,7 +85,7 @@ class MountedTask:
         )
 
 
-def mounted(
+def mounted_task_of(
     task: Task,
     rig: RigDescription,
     zeros_rad: Array,
@@ -110,8 +110,8 @@ def mounted(
 
 
 def mounted_as_shipped(task: Task, model: Model) -> MountedTask:
-    """The task on the arm `model` before any calibration, touch-off or rig file. Raises as `mounted`."""
-    return mounted(task, as_shipped(model), np.zeros(7))
+    """The task on the arm `model` before any calibration, touch-off or rig file. Raises as `mounted_task_of`."""
+    return mounted_task_of(task, as_shipped(model), np.zeros(7))
 
 
 def workcell(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from adaptsim_cli.bench.devices.lab import Drivers, Lab
+from adaptsim_cli.bench.devices.drivers import Drivers
+from adaptsim_cli.bench.devices.lab import Lab
 from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.config import Config, places
 from adaptsim_cli.errors import UsageError
@@ -37,7 +38,7 @@ def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drive
 
     Raises StoppedByOperator, DeviceUnavailable.
     """
-    from adaptsim_cli.bench.devices.lab import makers_drivers
+    from adaptsim_cli.bench.devices.drivers import makers_drivers
     from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
     from adaptsim_cli.bench.devices.real import RealLab
     from sim.tasks import get_task
@@ -64,7 +65,7 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
             f"--realtime slows the simulated lab down, but this is a real arm ({config.hw}). Leave out --realtime, and "
             "remove it from the settings and from ADAPTSIM_REALTIME"
         )
-    from adaptsim_cli.bench.devices.lab import makers_drivers
+    from adaptsim_cli.bench.devices.drivers import makers_drivers
     from adaptsim_cli.bench.devices.real import RealLab
     from adaptsim_cli.bench.rig_file.claims import rig_claims
     from adaptsim_cli.bench.rig_file.reading import gaps, in_words, rig_of, tasks_with_tools

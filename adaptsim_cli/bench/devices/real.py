@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.bench.devices.attended import Instruments, Person, PersonBeside, Scales, ToolWatch
 from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
 from adaptsim_cli.bench.devices.consent import Consent
+from adaptsim_cli.bench.devices.drivers import Drivers
 from adaptsim_cli.bench.devices.known_arm import KnownArm, StopMeasurement, folder_of, setup_of
-from adaptsim_cli.bench.devices.lab import BoardDevices, Drivers, TouchDevices
+from adaptsim_cli.bench.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.bench.devices.mounted import MountedTask
 from adaptsim_cli.bench.devices.pacing import PacedArm
 from adaptsim_cli.bench.devices.recovery import offer_recovery

@@ -118,18 +118,14 @@ INSTRUMENTS: dict[str, DeviceKind[Any, Any]] = {}
 """Our own instruments, by name: another one needs a row here and its driver."""
 
 
-def _complaint(_: str, kind: object) -> str:
-    fits = isinstance(kind, DeviceKind) and kind.measure is not None
-    return "" if fits else f"must be a DeviceKind with `measure`, not {kind!r:.60}"
-
-
 OFFERED_INSTRUMENTS = Registry[DeviceKind[Any, Any]](
     label="device",
     group="adaptsim.devices",
     attribute="DEVICE",
     ours=INSTRUMENTS,
     error=DeviceUnavailable,
-    complaint=_complaint,
+    value_type=DeviceKind,
+    complaint=lambda name, kind: "" if kind.measure is not None else "has no `measure`, so it is no instrument",
 )
 """Our instruments, and those of installed packages."""
 

@@ -76,8 +76,8 @@ class Exchange:
         return read_answer(content, self.question())
 
 
-class Answerer(Protocol):
-    """Who answers: a program, a person, or a caller of the Python interface."""
+class Mover(Protocol):
+    """What may move something real, and who consents to it."""
 
     @property
     def title(self) -> str:
@@ -85,15 +85,19 @@ class Answerer(Protocol):
 
     @property
     def moves(self) -> bool:
-        """Whether a question may move something real."""
+        """Whether something real moves, so that an interrupted attempt is spent."""
 
     @property
     def needs_consent(self) -> bool:
-        """Whether a person at the terminal lets every question out."""
+        """Whether a person at the terminal confirms every motion, also with --yes."""
 
     @property
     def release(self) -> Release:
-        """The questions that let it begin."""
+        """The questions that let it begin; without an arm there is none."""
+
+
+class Answerer(Mover, Protocol):
+    """Who answers: a program, a person, or a caller of the Python interface."""
 
     @property
     def announcement(self) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from adaptsim_cli.errors import UsageError
 from hw.plugins import Registry
@@ -37,16 +37,6 @@ OpenLogger = Callable[[Path, str, Words], SessionLogger]
 
 OURS = {name: f"adaptsim_cli.show.loggers.{name}_log" for name in ("tensorboard", "wandb", "mlflow")}
 
-
-def _complaint(name: str, opener: Any) -> str:
-    return "" if callable(opener) else f"is a {type(opener).__name__}, not a function"
-
-
 LOGGERS = Registry[OpenLogger](
-    label="logger",
-    group="adaptsim.loggers",
-    attribute="open_logger",
-    ours=OURS,
-    error=UsageError,
-    complaint=_complaint,
+    label="logger", group="adaptsim.loggers", attribute="open_logger", ours=OURS, error=UsageError
 )

@@ -91,12 +91,12 @@ class Feed:
             self._screen.note(f"The log for {self._name} ends here, and the session goes on: {error}")
 
 
-def keep_new(store: SessionStore, logger: SessionLogger, done: set[str]) -> None:
-    """Give a logger the trials and results that are not among those `done`, and add them. Raises SessionError."""
+def keep_new(store: SessionStore, logger: SessionLogger, keys: set[str]) -> None:
+    """Give a logger the trials and results whose keys are not among `keys`, and add them. Raises SessionError."""
     last = 0
     for trial in played_of(store):
         last = trial.trial
-        if (key := f"trial-{trial.trial}-{trial.attempt}") not in done:
+        if (key := f"trial-{trial.trial}-{trial.attempt}") not in keys:
             logger.values(trial.trial, _of_trial(trial))
             logger.words(trial.trial, "outcome", trial.outcome_words)
             folder = store.trial_folder(*trial.position)
@@ -104,13 +104,13 @@ def keep_new(store: SessionStore, logger: SessionLogger, done: set[str]) -> None
             for name, file in named:
                 if (folder / file).is_file() and file.endswith(".jpg"):
                     logger.picture(trial.trial, name, (folder / file).read_bytes())
-            done.add(key)
+            keys.add(key)
     for result in results_of(store):
-        if (key := f"result-{result.iteration}") not in done:
+        if (key := f"result-{result.iteration}") not in keys:
             step = min(last, store.facts.layout.numbers(result.iteration - 1).stop - 1)
             logger.values(step, _of_result(store, result))
             logger.words(step, "verdict", _verdict(store, result))
-            done.add(key)
+            keys.add(key)
 
 
 def _of_trial(trial: TrialRecord) -> dict[str, float]:

@@ -21,7 +21,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.descent import FEW_STEPS, curvature, descend_with_few
 from sim.adaptation.judging import choose_best
-from sim.adaptation.method import Iteration, Particle, Trial
+from sim.adaptation.method import Iteration, Particle, Trial, trials_in
 from sim.adaptation.methods.udr import SAMPLES
 from sim.rollouts.draws import cover
 from sim.rollouts.executors import serial_executor
@@ -162,7 +162,7 @@ class Direct:
         margin = self.solver.task.margin
         drawn = [cover(margin, DRAWS, np.random.default_rng(0))]
         for k in range(1, len(history) + 1):
-            if _trials(history[:k]):
+            if trials_in(history[:k]):
                 fit = self.fit(history[:k])
                 drawn.append(margin.denormalise(fit.draw(DRAWS, np.random.default_rng(0))))
             else:
@@ -171,12 +171,12 @@ class Direct:
 
     def fit(self, history: Sequence[Iteration]) -> LaplaceFit:
         """The fit to all trials; raises ValueError without one. Each iteration's fit begins at that of the last."""
-        trials = _trials(history)
+        trials = trials_in(history)
         if not trials:
             raise ValueError("no trial has been run yet, so nothing can be fitted")
         key = b"".join(trial.key for trial in trials)
         if key not in self._fits:
-            earlier = [self.fit(history[:-1]).best] if _trials(history[:-1]) else []
+            earlier = [self.fit(history[:-1]).best] if trials_in(history[:-1]) else []
             self._fits[key] = self._fitted(trials, earlier, [entry.particle.mean for entry in history[-1]])
         return self._fits[key]
 
@@ -208,7 +208,3 @@ class Direct:
         ).reshape(n, k, -1)
         parts = [offsets(self.solver, trial.observation, paths[:, i]) for i, trial in enumerate(trials)]
         return np.concatenate([part / max(part.shape[1] * k, 1) ** 0.5 for part in parts], axis=1)
-
-
-def _trials(history: Sequence[Iteration]) -> list[Trial]:
-    return [trial for iteration in history for entry in iteration for trial in entry.trials]

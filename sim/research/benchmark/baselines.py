@@ -17,7 +17,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.descent import descend
 from sim.adaptation.exact_fit import is_exact
-from sim.adaptation.method import Iteration, Particle, Trial, policy_of, require_whole
+from sim.adaptation.method import Iteration, Particle, Trial, policy_of, require_whole, trials_in
 from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.simulators import Simulators
 from sim.errors import CheckpointError
@@ -120,7 +120,7 @@ class LeastSquares:
 
     def fit(self, history: Sequence[Iteration]) -> Array:
         """(p,) in units."""
-        trials, space = _trials(history), self.solver.task.margin
+        trials, space = trials_in(history), self.solver.task.margin
 
         def residuals(points: Array) -> Array:
             return _residuals(self.solver, trials, space.denormalise(points))
@@ -171,7 +171,7 @@ class SimOpt:
         p = len(self.solver.task.parameters)
         mean, covariance = np.full(p, 0.5), FIRST_STD**2 * np.eye(p)
         for number, iteration in enumerate(history):
-            if trials := _trials((iteration,)):
+            if trials := trials_in((iteration,)):
                 mean, covariance = self._updated(mean, covariance, trials, np.random.default_rng(number))
         return mean, covariance
 
@@ -213,10 +213,6 @@ def _bounded_weights(cost: Array) -> Array:
 def _drawn(mean: Array, covariance: Array, n: int, rng: np.random.Generator) -> Array:
     """(n, p) draws of the Gaussian in [0, 1), those outside moved to the nearest edge."""
     return np.clip(rng.multivariate_normal(mean, covariance, n), 0.0, 1.0 - 1e-9)
-
-
-def _trials(history: Sequence[Iteration]) -> list[Trial]:
-    return [trial for iteration in history for tried in iteration for trial in tried.trials]
 
 
 def _residuals(solver: Solver, trials: Sequence[Trial], parameters: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict
 from functools import partial
@@ -15,15 +14,12 @@ from hw.bounded import Unreadable
 from sim.errors import DatasetError
 from sim.research.pretraining.budget import PretrainBudget
 from sim.rollouts.dataset import AdaptiveSampling, build_share
+from sim.rollouts.run import StageProgress
 from sim.rollouts.shares import Share
 from sim.solvers.emulator.training import outcome_variance
 from sim.storage.files import read_toml, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
-
-StageProgress = Callable[[str, int, int], None]
-"""(stage, done, total)"""
-
 
 STAGES = ("dataset", "emulator", "reward table", "adaptation policies", "evaluation", "checkpoint")
 

@@ -18,9 +18,9 @@ from sim.adaptation.checkpoint import Checkpoint, save_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.errors import CheckpointError
 from sim.research.pretraining.budget import PretrainBudget
-from sim.research.pretraining.dataset_share import StageProgress, stage_seeds
+from sim.research.pretraining.dataset_share import stage_seeds
 from sim.rollouts.dataset import build_dataset, draw_requests
-from sim.rollouts.run import run_many
+from sim.rollouts.run import StageProgress, run_many
 from sim.solvers.emulator.network import Emulator, rescaled_to
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
 from sim.tasks.task import Solver, Task

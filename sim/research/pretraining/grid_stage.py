@@ -8,9 +8,8 @@ from pathlib import Path
 
 from hw.types import Array
 from sim.adaptation.checkpoint import GRID as GRID_TENSORS
-from sim.research.pretraining.dataset_share import StageProgress
 from sim.rollouts.cost import measured_cost
-from sim.rollouts.run import Requests
+from sim.rollouts.run import Requests, StageProgress
 from sim.rollouts.shards import simulate_missing, simulate_share
 from sim.rollouts.shards import split as into_shards
 from sim.rollouts.shares import Share

@@ -34,7 +34,6 @@ from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, 
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
 from sim.research.pretraining.dataset_share import (
     STAGES,
-    StageProgress,
     agree_on_plan,
     denser,
     read_report,
@@ -55,7 +54,7 @@ from sim.research.pretraining.meta_training import (
 from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.cost import measured_cost
 from sim.rollouts.dataset import build_dataset
-from sim.rollouts.run import Roll, run_many
+from sim.rollouts.run import Roll, StageProgress, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.rollouts.soundness import require_sound
 from sim.solvers.emulator.network import Emulator

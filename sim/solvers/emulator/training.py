@@ -39,16 +39,16 @@ def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:
     mirror = task.mirror
     if mirror is None:
         return dataset
-    requests, done = dataset.requests, dataset.rollouts
+    requests, rollouts = dataset.requests, dataset.rollouts
     mirrored = Requests(
         requests.parameters * mirror.parameters,
         requests.context,
         requests.action * mirror.action,
         requests.nuisance * mirror.nuisance,
     )
-    observed = task.observation.normalise(task.observation.denormalise(done.observation) * mirror.observed)
-    again = replace(done, observation=observed, end_state=done.end_state * mirror.end_state)
-    return replace(dataset, requests=requests.followed_by(mirrored), rollouts=concatenate([done, again]))
+    observed = task.observation.normalise(task.observation.denormalise(rollouts.observation) * mirror.observed)
+    again = replace(rollouts, observation=observed, end_state=rollouts.end_state * mirror.end_state)
+    return replace(dataset, requests=requests.followed_by(mirrored), rollouts=concatenate([rollouts, again]))
 
 
 Rows = NDArray[np.intp]
@@ -160,11 +160,11 @@ def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
 
     If a failure may earn, its reward is one more output, known of failures only.
     """
-    done = dataset.rollouts
-    solved = done.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    parts = [(done.observation, solved), (np.nan_to_num(done.end_state), done.succeeded)]
-    if done.failure_reward is not None:
-        parts.append((done.failure_reward[:, None], solved & ~done.succeeded))
+    rollouts = dataset.rollouts
+    solved = rollouts.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
+    parts = [(rollouts.observation, solved), (np.nan_to_num(rollouts.end_state), rollouts.succeeded)]
+    if rollouts.failure_reward is not None:
+        parts.append((rollouts.failure_reward[:, None], solved & ~rollouts.succeeded))
     masks = [np.repeat(rows[:, None], values.shape[1], axis=1) for values, rows in parts]
     return np.concatenate([values for values, _ in parts], axis=1), np.concatenate(masks, axis=1)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from players import InstantArm
 
-from adaptsim_cli.bench.devices.mounted import MountedTask, mounted
+from adaptsim_cli.bench.devices.mounted import MountedTask, mounted_task_of
 from adaptsim_cli.bench.rig import Paths
 from adaptsim_cli.bench.rig_file.description import as_shipped
 from hw.errors import MotionRefused
@@ -32,7 +32,7 @@ def planned(scoops: int, seed: int = 0) -> list[tuple[MountedTask, ToolMotion, P
     """Random scoops, each on an arm with random joint zeros of its own, as a session asks for them."""
     rng, found = np.random.default_rng(seed), list[tuple[MountedTask, ToolMotion, Paths]]()
     while len(found) < scoops:
-        there = mounted(TASK, as_shipped("panda"), rng.uniform(-ZEROS_RAD, ZEROS_RAD, 7))
+        there = mounted_task_of(TASK, as_shipped("panda"), rng.uniform(-ZEROS_RAD, ZEROS_RAD, 7))
         motion = HARDWARE.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
         try:
             found.append((there, motion, there.planner().paths(motion)))

@@ -10,7 +10,7 @@ from real_lab import ToyDevices, calibrated, quiet, said, typing
 
 from adaptsim_cli import config
 from adaptsim_cli.bench.calibration import running as calibrating
-from adaptsim_cli.bench.devices import lab
+from adaptsim_cli.bench.devices import drivers
 from adaptsim_cli.bench.doctor import checks, readings, table
 from adaptsim_cli.bench.doctor.checks import CHECKS
 from adaptsim_cli.bench.doctor.readings import serial_ports
@@ -253,7 +253,7 @@ def test_ports_are_listed_by_the_name_that_lasts(tmp_path):
 
 def test_the_stop_button_is_checked_with_the_arm_alone(answers, monkeypatch):
     devices = ToyDevices()
-    monkeypatch.setattr(lab, "makers_drivers", devices.drivers)
+    monkeypatch.setattr(drivers, "makers_drivers", devices.drivers)
     typing(monkeypatch, "", "q")
     with pytest.raises(StoppedByOperator, match="nothing has moved"):
         describing.stop_button(answers)

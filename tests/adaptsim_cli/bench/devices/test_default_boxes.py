@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from adaptsim_cli.bench.devices.mounted import MountedTask, mounted, mounted_as_shipped
+from adaptsim_cli.bench.devices.mounted import MountedTask, mounted_as_shipped, mounted_task_of
 from adaptsim_cli.bench.rig_file.description import Model, PersonPart, as_shipped
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
@@ -47,7 +47,7 @@ def counted(name: str, model: Model, keep_out: tuple[KeepOut, ...], unit: list[t
     """How many trials are direct, detoured and refused."""
     task = get_task(name)
     without = mounted_as_shipped(task, model)
-    within = mounted(task, as_shipped(model), np.zeros(7), keep_out)
+    within = mounted_task_of(task, as_shipped(model), np.zeros(7), keep_out)
     return Counter(_way(without, within, *trial) for trial in trials(task, unit))
 
 

@@ -32,7 +32,7 @@ from toy_session import unattended
 from adaptsim_cli import config
 from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.devices.attended import AT_HOME_RAD, PersonBeside, Scales
-from adaptsim_cli.bench.devices.mounted import mounted
+from adaptsim_cli.bench.devices.mounted import mounted_task_of
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.bench.rig_file.reading import read
 from adaptsim_cli.config import Resolved
@@ -102,7 +102,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(place, monkey
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "hand", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.bench.devices.drivers.makers_drivers", devices.drivers)
         assert f"pip install {lacking}-driver==1.0" in refused(3, *run)
         assert devices.arm is None or not devices.arm.executed
     write_rig(place.parent / "home", RIG.replace("mass_kg = 0.12", "mass_kg = 12"))
@@ -124,7 +124,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place):
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
         assert real.moves and real.needs_consent
         assert "lab-1, panda at 172.16.0.2" in real.title
-        assert beside(real).mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
+        assert beside(real).mounted_task.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
             "the tool hangs where it was touched off"
         )
         assert all(check.ok for check in real.checks())
@@ -135,7 +135,9 @@ def test_a_session_gets_the_task_as_it_is_mounted(place):
     calibrated(there)
     with opening.open_parts(there.config, place, ToyDevices().drivers()) as parts:
         assert isinstance(parts.target, RigTarget)
-        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, beside(parts.target).mounted.hardware.X_FT)
+        np.testing.assert_array_equal(
+            parts.task.require_hardware().X_FT, beside(parts.target).mounted_task.hardware.X_FT
+        )
         assert parts.provenance.world_sha256 == ""
         assert parts.provenance.calibration == "calibrated"
 
@@ -152,7 +154,7 @@ def test_the_arm_goes_home_before_the_object_is_placed(place, monkeypatch):
         with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
             real.place(SCOOPING.reference_context, KEY, Attended(screen))
         assert len(devices.arm.executed) == 1
-        np.testing.assert_allclose(devices.arm.state().q_rad, beside(real).mounted.home_rad, atol=AT_HOME_RAD)
+        np.testing.assert_allclose(devices.arm.state().q_rad, beside(real).mounted_task.home_rad, atol=AT_HOME_RAD)
         assert devices.arm.executed[0].duration_s > 1.0, "slowly"
         text = said(screen)
         assert text.index("goes home") < text.index("on the balance") < text.index("Put the piece of food at")
@@ -229,7 +231,7 @@ def test_weighing_may_be_left_out(monkeypatch):
 
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place):
     write_rig(place.parent / "home", RIG + "[table]\nx_m = [0.3, 0.7]\n")
-    there = mounted(SCOOPING, read(place.parent / "home" / "rig.toml"), np.zeros(7))
+    there = mounted_task_of(SCOOPING, read(place.parent / "home" / "rig.toml"), np.zeros(7))
     with pytest.raises(NotExecutable, match=r"outside the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
@@ -284,7 +286,7 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
     sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
     with opened(place, devices, RIG + sideways) as real:
         assert devices.opened["arm"]["settings"].collision.contact_force_limit_N == 30.0
-        assert beside(real).mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
+        assert beside(real).mounted_task.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
 
 
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal():

@@ -12,7 +12,7 @@ import pytest
 from real_lab import RIG, write_rig
 
 from adaptsim_cli import config
-from adaptsim_cli.bench.devices.mounted import mounted
+from adaptsim_cli.bench.devices.mounted import mounted_task_of
 from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.bench.rig_file.reading import described, flat, read, rig_of
 from adaptsim_cli.bench.rig_file.template import template
@@ -106,7 +106,7 @@ def test_a_touched_off_tool_hangs_where_it_was_measured():
     part = {"height_m": 0.003, "forward_m": -0.001, "pitch_rad": 0.1}
     table = {"height_m": -0.004, "slope_x": 0.01}
     rig, zeros_rad = described(LEAST | {"tools": {"scooping": part}, "table": table}, "here"), np.full(7, 0.001)
-    there = mounted(task, rig, zeros_rad)
+    there = mounted_task_of(task, rig, zeros_rad)
     off = np.linalg.inv(task.require_hardware().X_FT) @ there.hardware.X_FT
     np.testing.assert_allclose(off[:3, 3], [-0.001, 0.0, 0.003], atol=1e-12)
     assert (off @ [1.0, 0.0, 0.0, 0.0])[2] == pytest.approx(-np.sin(0.1)), "the edge points further down"

@@ -14,7 +14,7 @@ from real_lab import RIG, calibrated, waivers, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.bench.devices.known_arm import ArmFacts, SetUp, StopMeasurement
-from adaptsim_cli.bench.devices.mounted import mounted
+from adaptsim_cli.bench.devices.mounted import mounted_task_of
 from adaptsim_cli.bench.doctor.assessment import Motions, page
 from adaptsim_cli.bench.rig_file.reading import read
 from adaptsim_cli.bench.rig_file.waivers import WITHOUT, Waivable
@@ -34,7 +34,7 @@ def sheet(folder: Path, rig_text: str = RIG, moves: Motions = MOVES, known: ArmF
     rig = read(write_rig(folder, rig_text))
     facts = known or ArmFacts("2026-03-01T08:00:00+00:00", "Kim")
     text = page(
-        mounted(get_task("scooping"), rig, np.zeros(7)), rig, moves, facts, {"set-up": "abc"}, SetUp("scooping")
+        mounted_task_of(get_task("scooping"), rig, np.zeros(7)), rig, moves, facts, {"set-up": "abc"}, SetUp("scooping")
     )
     return " ".join(html.unescape(re.sub(r"<style>.*</style>|<[^>]*>", " ", text, flags=re.DOTALL)).split())
 

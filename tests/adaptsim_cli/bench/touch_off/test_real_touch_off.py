@@ -80,7 +80,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(
     touch_offs(there.config, there.places).save(saved)
     with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
         assert isinstance(real.rig.attendant, PersonBeside)
-        assert real.rig.attendant.mounted.correction == saved.correction(), "not the rig file's table and tool"
+        assert real.rig.attendant.mounted_task.correction == saved.correction(), "not the rig file's table and tool"
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 
@@ -157,7 +157,7 @@ def test_the_command_names_a_missing_driver(
     monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda *said: None)
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(hand=FakeHand(), lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.bench.devices.drivers.makers_drivers", devices.drivers)
         typing(monkeypatch, "q")
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err

@@ -141,9 +141,9 @@ def main() -> None:
             refused += 1
             print(f"seed {seed}: refused: {refusal}", flush=True)
             continue
-        errors = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
+        by_name = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
         took_s = time.process_time() - started_s
-        print(f"seed {seed}: {errors}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
+        print(f"seed {seed}: {by_name}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
     print(f"refused {refused} of {seeds}")
     for name in scores[0].error:
         if "height" in name:

@@ -206,7 +206,7 @@ def delete(screen: Screen, resolved: Resolved, name: options.Session, yes: optio
     folder = folders.folder_of(root, name)
     if folder.is_dir() and not yes:
         console.require_terminal("deleting asks for the name of the session: run in a terminal, or add --yes")
-        screen.plain(f"{folder} takes {terminal_views.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
+        screen.plain(f"{folder} takes {terminal_views.size(folders.size_bytes(folder))}. Deleting cannot be undone.")
         if screen.ask_text("Type the name of the session to delete it, or Enter to keep it:") != name:
             raise StoppedByOperator(f"kept: session {name} is unchanged")
     keeping.delete(root, name)

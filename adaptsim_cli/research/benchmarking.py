@@ -138,7 +138,8 @@ def request_of(
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
     from adaptsim_cli.bench.checkpoints import usual_checkpoint
-    from adaptsim_cli.session.recorded.folder import compared, read_recorded
+    from adaptsim_cli.session.recorded.comparison import compared
+    from adaptsim_cli.session.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import method_names
     from sim.research.benchmark.entries import BEST_ACTION, LIMITS, Entry, entry_names

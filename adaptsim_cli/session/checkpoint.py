@@ -5,7 +5,7 @@ session to begin with.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -166,16 +166,18 @@ class Recordings:
         return _choosing_among(self.checkpoint, self.held_out)
 
 
-def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts, *, begins: bool = False) -> Recordings:
-    """The recordings that the settings name; those of a session that `begins` are compared with the simulator.
+def recordings_of(
+    checkpoint: Checkpoint,
+    settings: Config | SessionFacts,
+    check: Callable[[RecordedTrials, Expectations], RecordedTrials] = lambda trials, _: trials,
+) -> Recordings:
+    """The recordings that the settings name. `check` may refuse them, or add notes, when a session begins.
 
     Raises RecordingsRefused, SessionError, ExtraMissing.
     """
-    from adaptsim_cli.session.recorded.folder import compared, digest, read_recorded
+    from adaptsim_cli.session.recorded.folder import digest, read_recorded
 
-    trials = read_recorded(checkpoint.solver.task, Path(settings.recorded))
-    if begins:
-        trials = compared(trials, checkpoint.solver)
+    trials = check(read_recorded(checkpoint.solver.task, Path(settings.recorded)), checkpoint.solver)
     shown, held_out = trials.split(settings.held_out, settings.seed)
     return Recordings(shown, held_out, _choosing_among(checkpoint, shown), digest(trials))
 

@@ -24,8 +24,8 @@ from pydantic import ValidationError
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.session import records
+from adaptsim_cli.session.about import ABOUT
 from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of
-from adaptsim_cli.session.keeping import ABOUT
 from adaptsim_cli.session.records import Amendment, MotionRecord, Note, ResultRecord, SessionFacts, TrialRecord
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, START, SUMMARY, TRIAL, SessionStore
 from adaptsim_cli.storage import durable

@@ -147,3 +147,8 @@ def own_files(folder: Path) -> list[Path]:
 
 def _is_own(entry: os.DirEntry[str]) -> bool:
     return entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
+
+
+def size_bytes(folder: Path) -> int:
+    """Size of a session on the disk, in bytes."""
+    return sum(path.stat().st_size for path in own_files(folder))

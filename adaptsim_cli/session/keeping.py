@@ -23,6 +23,7 @@ from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import records
+from adaptsim_cli.session.about import ABOUT, About, about
 from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files, session_parts, solver_folder
 from adaptsim_cli.session.records import (
     Amendment,
@@ -36,7 +37,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, readable
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
-from hw.records import AnyRecord, Record
+from hw.records import AnyRecord
 from sim.storage.files import flush_folder, sha256
 
 T = TypeVar("T")
@@ -169,21 +170,8 @@ def _require_trials(store: SessionStore) -> None:
                 raise records.corrupt(store.trial_folder(iteration, key), "it is missing, and a result rests on it")
 
 
-ABOUT = "about.json"
 RECORDED = (".mcap",)
 """Suffixes of the files that `prune` removes; files that a report needs stay."""
-
-
-class About(Record):
-    """about.json: a person's note. The only file of a session that is replaced."""
-
-    note: str = ""  # free text
-
-
-def about(folder: Path) -> About:
-    """The note of the session in `folder`; empty if there is none. Raises SessionError."""
-    path = folder / ABOUT
-    return records.read(About, path) if path.exists() else About()
 
 
 def mark(root: Path, name: str, note: str) -> Marked:
@@ -229,11 +217,6 @@ def prune(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordin
                 with durable.explained(path):
                     path.unlink()
     return room
-
-
-def size_bytes(folder: Path) -> int:
-    """Size of a session on the disk, in bytes."""
-    return sum(path.stat().st_size for path in own_files(folder))
 
 
 def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path, list[Path]]]:

@@ -35,6 +35,7 @@ from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
+from adaptsim_cli.session.recorded.comparison import compared
 from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.rig_sessions import own_ground
 from adaptsim_cli.session.rig_target import RigTarget
@@ -117,7 +118,8 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
         raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
     if config.control:
         raise UsageError(f"--recorded: no further trial can be made, so leave out --control {config.control}")
-    recordings = recordings_of(checkpoint, config, begins=not (session / FACTS).exists())
+    begun = (session / FACTS).exists()
+    recordings = recordings_of(checkpoint, config) if begun else recordings_of(checkpoint, config, compared)
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     title = "; ".join((title, *recordings.shown.notes))

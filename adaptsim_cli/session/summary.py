@@ -17,8 +17,9 @@ from adaptsim_cli.screen.outputs.sessions import (
     ShownWaiting,
 )
 from adaptsim_cli.screen.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
+from adaptsim_cli.session.about import about
+from adaptsim_cli.session.folders import size_bytes
 from adaptsim_cli.session.history import particles_of, played_of, results_of, trials_of
-from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.method import Particle

@@ -10,8 +10,8 @@ from urllib.parse import quote
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen import log
+from adaptsim_cli.session.about import ABOUT
 from adaptsim_cli.session.folders import REPORT, names
-from adaptsim_cli.session.keeping import ABOUT
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import index
 from adaptsim_cli.show.index import IndexedSession

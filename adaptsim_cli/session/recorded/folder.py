@@ -5,7 +5,6 @@ or sessions of this program; and its digest.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +31,7 @@ from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_sound
 
 if TYPE_CHECKING:
-    from sim.tasks.task import Expectations, Task
+    from sim.tasks.task import Task
 
 
 def read_recorded(task: Task, folder: Path) -> RecordedTrials:
@@ -49,24 +48,6 @@ def read_recorded(task: Task, folder: Path) -> RecordedTrials:
         raise RecordingsRefused(f"{folder / MANIFEST} is of task {manifest.task}, not of {task.name}")
     raw, notes = _raw(task, folder, manifest)
     return require_sound(checked(task, raw, manifest.outcome, notes, as_written=manifest.as_written))
-
-
-def compared(trials: RecordedTrials, expectations: Expectations) -> RecordedTrials:
-    """The same trials, after the task's simulator has confirmed that they fit their actions as they are written.
-
-    With `as_written` a doubt becomes a note. Raises RecordingsRefused if another reading of them fits much better.
-    """
-    from sim.solvers.readings import doubt
-
-    sentence = doubt(expectations, trials)
-    if not sentence:
-        return trials
-    if not trials.as_written:
-        raise RecordingsRefused(
-            f"the trajectories contradict their actions: {sentence}. Correct the tables, or write as_written = true in "
-            f"{MANIFEST} if they are right"
-        )
-    return replace(trials, notes=(*trials.notes, sentence))
 
 
 def digest(trials: RecordedTrials) -> str:

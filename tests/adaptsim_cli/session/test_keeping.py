@@ -18,9 +18,10 @@ from adaptsim_cli.bench.rig_file.waivers import WaiverPart
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
+from adaptsim_cli.session.about import ABOUT
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.folders import entries, names, own_files
+from adaptsim_cli.session.folders import entries, names, own_files, size_bytes
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import to_json
@@ -54,7 +55,7 @@ def test_a_note_leaves_every_seal_whole(root):
     assert mark(root, NAME, "  before the camera moved ").note == "before the camera moved"
     after = verify(root, NAME)
     assert (after.damage, after.files) == ((), before.files + 1)
-    (root / NAME / keeping.ABOUT).write_text((root / NAME / keeping.ABOUT).read_text().replace("moved", "stood"))
+    (root / NAME / ABOUT).write_text((root / NAME / ABOUT).read_text().replace("moved", "stood"))
     assert len(verify(root, NAME).damage) == 1
 
 
@@ -230,7 +231,7 @@ def test_links_and_pipes_are_no_part_of_a_session(tmp_path):
     assert {path.name for path in entries(folder)} == {"iteration-01", "log.jsonl"}
     files, _ = keeping.bundle(folder, tmp_path / "out.zip", {})  # hangs where a pipe is opened
     assert not any("linked" in name or "pipe" in name for name in files)
-    assert keeping.size_bytes(folder) < 100
+    assert size_bytes(folder) < 100
 
 
 def test_an_archive_is_not_replaced_silently(tmp_path):

@@ -107,17 +107,17 @@ def shoot(page: Tab, name: str, width: int, height: int) -> None:
 
 
 def session(page: Tab, _: Path) -> None:
-    """Two iterations: the live page when a trial of the second one is tracked, then the report."""
+    """A session to its verdict: the live page when a trial of the second iteration is tracked, then the report."""
     from check_live import live_session  # noqa: PLC0415 needs a package that the check does not
 
     shown = "state.judged && state.trial.iteration === 2"
-    with live_session(page, shown, *WORLD, "--session", "guide", "-n", "2"):
+    with live_session(page, shown, *WORLD, "--session", "guide", "-n", "5", "--until-done"):
         shoot(page, "live-page.webp", 1120, 1560)
     folder = Path(os.environ["ADAPTSIM_HOME"]) / "data/sessions/guide"
     page.open((folder / "report.html").as_uri())
     page.script(NUMBERED)
     shoot(page, "guide-report.webp", 970, 980)
-    film(sorted(folder.glob("iteration-02/trial-005-attempt-?/recording.mcap"))[-1])
+    film(sorted(folder.glob("iteration-*/trial-*/recording.mcap"))[-1])
 
 
 def film(recording: Path) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client
 from toy_task import TOY, equal_rollouts
 
 from sim.errors import ClusterUnavailable, RolloutError
@@ -27,32 +28,64 @@ pytestmark = [
 ]
 
 
-def local_cluster(workers: int, threads: int = 1) -> LocalCluster:
-    return LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=None, host="127.0.0.1")
+@dataclass(frozen=True)
+class Running:
+    """A scheduler and its workers, each a process of its own, which no later test can wait for."""
+
+    scheduler_address: str
+    scheduler: subprocess.Popen[bytes]
+    workers: tuple[subprocess.Popen[bytes], ...]
+
+
+@contextmanager
+def local_cluster(workers: int, threads: int = 1) -> Iterator[Running]:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = started("dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard", "--no-show")
+    others = [started("dask_worker", address, *WORKER, "--nthreads", str(threads)) for _ in range(workers)]
+    try:
+        with Client(address, timeout=60, set_as_default=False) as client:
+            if workers:
+                client.wait_for_workers(workers, timeout=60)
+        yield Running(address, scheduler, tuple(others))
+    finally:
+        for process in (*others, scheduler):
+            process.kill()
+            process.wait()
+
+
+WORKER = ("--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+
+
+def started(program: str, *arguments: str) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # the toy task lies beside the tests
+    command = [sys.executable, "-m", f"distributed.cli.{program}", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
 
 
 @pytest.fixture(scope="module")
-def two_workers() -> Iterator[LocalCluster]:
+def two_workers() -> Iterator[Running]:
     with local_cluster(2) as running:
         yield running
 
 
-def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two_workers):
+def test_a_killed_worker_loses_nothing_and_counts_nothing_twice():
     requests = dataset_requests(TOY, 3, 800)
     with serial_executor() as executor:
         expected = run_many(TOY, requests, executor)
-    killed: list[int] = []
     counts: list[int] = []
+    with local_cluster(2) as running:
 
-    def progress(done: int, total: int) -> None:
-        counts.append(done)
-        if not killed and done > total // 4:
-            killed.append(next(iter(two_workers.workers.values())).pid)
-            os.kill(killed[0], signal.SIGKILL)
+        def progress(done: int, total: int) -> None:
+            counts.append(done)
+            if done > total // 4:
+                running.workers[0].kill()
 
-    with dask_cluster(two_workers.scheduler_address) as dask:
-        rollouts = run_many(TOY, requests, dask, progress)
-    assert killed
+        with dask_cluster(running.scheduler_address) as dask:
+            rollouts = run_many(TOY, requests, dask, progress)
+        assert running.workers[0].wait() == -signal.SIGKILL
     assert counts == sorted(counts)
     assert counts[-1] == 800
     assert equal_rollouts(rollouts, expected)
@@ -98,21 +131,18 @@ def test_a_late_worker_with_other_versions_is_left_out_and_the_others_finish(two
     preload = tmp_path / "another_version.py"
     preload.write_text(ANOTHER_VERSION, encoding="utf-8")
     address, sentences = two_workers.scheduler_address, list[str]()
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
     requests = dataset_requests(TOY, 3, 800)
     with serial_executor() as executor:
         expected = run_many(TOY, requests, executor)
     with dask_cluster(address, sentences.append) as dask:
-        command += ["--no-dashboard", "--preload", str(preload)]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # the toy task lies beside the tests
-        late = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment)
+        late = started("dask_worker", address, *WORKER, "--nthreads", "1", "--preload", str(preload))
         try:
             with Client(address, set_as_default=False) as client:
                 client.wait_for_workers(3, timeout=60)
             assert equal_rollouts(run_many(TOY, requests, dask), expected)
         finally:
-            late.terminate()
-            late.wait(timeout=30)
+            late.kill()
+            late.wait()
     assert len(sentences) == 1 and "drake 1.0.0 (here" in sentences[0] and "left out" in sentences[0]
 
 
@@ -144,7 +174,7 @@ def test_a_lost_scheduler_keeps_what_is_finished():
         def progress(done: int, total: int) -> None:
             counts.append(done)
             if len(counts) == 3:
-                threading.Thread(target=lost.close).start()
+                lost.scheduler.kill()
 
         with (
             pytest.raises(ClusterUnavailable, match="was lost: start it again"),

@@ -65,7 +65,13 @@ def test_wrong_answers_are_explained_and_asked_again(answers, monkeypatch):
     assert answers.rig.pedal is not None and answers.rig.pedal.port == "/dev/ttyACM3"
     assert answers.rig.balance is not None and answers.rig.balance.port == ARDUINO
     told = said(answers.screen)
-    for problem in ("letters, digits", "address alone", "'7' is not a path", "share the port", "'rs232': choose one"):
+    for problem in (
+        "letters, digits",
+        "only the name or IP address",
+        "'7' is not a path",
+        "share the port",
+        "'rs232': choose one",
+    ):
         assert told.count(problem) == 1, problem
     assert "The arm stops by itself at 80 N, and at 60 60 54 54 10 10 10 Nm in joints 1 to 7." in told
 

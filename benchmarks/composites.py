@@ -243,10 +243,11 @@ def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
     step_px = np.subtract(TO_PX, FROM_PX) / FRAMES
     frames = [composite(room, xy, effects, step_px, i, rng) for i, xy in enumerate(way)]
     area = (start[0] - 0.03, start[0] + 0.03, start[1] - 0.03, start[1] + 0.03)
-    model, X_BC, last_s = room.model, room.X_BC, FRAMES / RATE_HZ
+    model, X_BC, began_s = room.model, room.X_BC, frames[1].t_s
+    duration_s = frames[-1].t_s - began_s
     return judged(
         lambda: find_piece(frames[0], model, X_BC, area),
-        lambda found: track_piece(frames[1:], model, X_BC, found, TOOL, lambda _: AWAY, 1 / RATE_HZ, last_s),
+        lambda found: track_piece(frames[1:], model, X_BC, found, TOOL, lambda _: AWAY, began_s, duration_s),
         lambda track: np.array(way[1:]),
     )
 

@@ -240,6 +240,8 @@ def copied(task: Task, names: Sequence[str], tracks: Sequence[ObjectTrack]) -> s
     """A sentence about two trials of different actions in which the object moves alike, within less than any noise; ""
     without any.
     """
+    if not tracks:
+        return ""
     sight = task.observation
     rows = np.array([sight.normalise(track.at(sight.times_s)[:, list(sight.columns)]) for track in tracks])
     rows = rows.reshape(len(tracks), -1)

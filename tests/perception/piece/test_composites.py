@@ -16,6 +16,7 @@ def room() -> Room:
 @pytest.mark.long
 def test_a_piece_on_a_real_table_is_followed_without_a_flag(room: Room) -> None:
     found = judge(room, Effects())
+    assert not found.broken
     assert found.worst_mm < 1.5
     assert not found.flags
 

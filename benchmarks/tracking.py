@@ -195,7 +195,7 @@ def sweep(rng: np.random.Generator) -> Array:
     errors_mm, flagged = [], []
     for X_BC in (default_X_BC(), with_extrinsic_error(default_X_BC(), SENSING, rng)):
         detection = find_piece(before, model, X_BC, (0.62, 0.76, -0.06, 0.06))
-        track = track_piece(frames, model, X_BC, detection, mesh, tool_at, 0.0, 0.8)
+        track = track_piece(frames, model, X_BC, detection, mesh, tool_at, 0.0, frames[-1].t_s)
         errors_mm.append(1e3 * np.linalg.norm(track.state[:, :2] - truth, axis=1))
         flagged.append(np.full(len(frames), any(flag.startswith(HARDLY_SEEN) for flag in track.flags), dtype=float))
     return np.stack([hidden, *errors_mm, *flagged], axis=1)

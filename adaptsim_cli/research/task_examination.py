@@ -29,7 +29,7 @@ of large packages take long."""
 def examined(name_or_file: str, limit_s: float, watchdog: StepTimer) -> dict[str, Any]:
     """The findings about a task and the cost of a rollout. A file that cannot be loaded raises TaskError.
 
-    Each step may take half of `limit_s`: a task whose rollouts take longer cannot be checked in that time.
+    Each step may take half of `limit_s`, so a task with longer rollouts cannot be checked in that time.
     """
     costs, findings = list[Cost](), list[TaskFinding]()
     path = Path(name_or_file.partition(":")[0]).expanduser().absolute()

@@ -17,6 +17,6 @@ class About(Record):
 
 
 def about(folder: Path) -> About:
-    """The note of the session in `folder`; empty if there is none. Raises SessionError."""
+    """The note of the session in `folder`, which is empty if nobody wrote one. Raises SessionError."""
     path = folder / ABOUT
     return records.read(About, path) if path.exists() else About()

@@ -209,13 +209,11 @@ class RecordedTrials:
             content = track.t_s.tobytes() + track.state.tobytes()
             if (other := exact.setdefault(content, name)) != name:
                 raise RecordingsRefused(_copy_sentence(other, name, "to the last digit"))
-        if copy := copied(self.task, self.names, self.tracks):
-            raise RecordingsRefused(copy)
 
 
 def require_sound(trials: RecordedTrials) -> RecordedTrials:
     """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`, if all went alike (nothing moved, or
-    columns name something else), or if a trajectory contradicts itself or its action.
+    columns name something else), if a trajectory contradicts itself or its action, or if one is a copy of another.
     """
     if len(trials) < LEAST:
         raise RecordingsRefused(f"there are {len(trials)} recorded trials, and at least {LEAST} are needed")
@@ -231,8 +229,9 @@ def require_sound(trials: RecordedTrials) -> RecordedTrials:
         context = None if trials.contexts is None else trials.contexts[i]
         if wrong := contradiction(task, track, context, trials.actions[i]):
             raise RecordingsRefused(f"trial {name}: {wrong}")
-    if drift := drifts(task, trials.tracks):
-        raise RecordingsRefused(drift)
+    for sentence in (copied(task, trials.names, trials.tracks), drifts(task, trials.tracks)):
+        if sentence:
+            raise RecordingsRefused(sentence)
     return trials
 
 
@@ -240,8 +239,6 @@ def copied(task: Task, names: Sequence[str], tracks: Sequence[ObjectTrack]) -> s
     """A sentence about two trials of different actions in which the object moves alike, within less than any noise; ""
     without any.
     """
-    if not tracks:
-        return ""
     sight = task.observation
     rows = np.array([sight.normalise(track.at(sight.times_s)[:, list(sight.columns)]) for track in tracks])
     rows = rows.reshape(len(tracks), -1)

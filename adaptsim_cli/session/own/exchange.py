@@ -93,7 +93,7 @@ class Mover(Protocol):
 
     @property
     def release(self) -> Release:
-        """The questions that let it begin; without an arm there is none."""
+        """The questions that let the motion begin. There are none without an arm."""
 
 
 class Answerer(Mover, Protocol):

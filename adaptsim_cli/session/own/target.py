@@ -193,13 +193,13 @@ class OwnTarget:
         return ()
 
     def _require_new(self, answers: Sequence[tuple[ObjectTrack, Question]]) -> None:
-        """Raises AnswerRefused if the first of these repeats the trajectory of another one, whose action differed."""
+        """Raises AnswerRefused if the first answer has the trajectory of another one, although their actions differ."""
         question = answers[0][1]
         for track, earlier in answers[1:]:
             names = (f"{earlier.trial}", f"{question.trial}")
             if earlier.action != question.action and copied(self.task, names, (track, answers[0][0])):
                 raise AnswerRefused(
-                    f"it has the trajectory of trial {earlier.trial}, whose action was another: is this an old answer, "
+                    f"it has the trajectory of trial {earlier.trial}, but its action differs: is this an old answer, "
                     "or did the robot limit both actions alike? Then reject the trial"
                 )
 

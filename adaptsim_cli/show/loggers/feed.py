@@ -92,7 +92,7 @@ class Feed:
 
 
 def keep_new(store: SessionStore, logger: SessionLogger, keys: set[str]) -> None:
-    """Give a logger the trials and results whose keys are not among `keys`, and add them. Raises SessionError."""
+    """Give a logger each trial and result with a key outside of `keys`, and add that key. Raises SessionError."""
     last = 0
     for trial in played_of(store):
         last = trial.trial

@@ -87,7 +87,7 @@ def test_a_trajectory_under_two_actions_is_a_copy() -> None:
     noise = np.random.default_rng(5).normal(0.0, 1e-6, TRACKS[2].state.shape)
     nearly = replace(TRACKS[2], state=TRACKS[2].state + noise)
     with pytest.raises(RecordingsRefused, match=r"trials 2 and 9 have the same trajectory, within 0\.01% of the range"):
-        replace(trials(), tracks=(*TRACKS[:9], nearly, *TRACKS[10:16]))
+        require_sound(replace(trials(), tracks=(*TRACKS[:9], nearly, *TRACKS[10:16])))
     resting = [replace(track, state=np.repeat(track.state[:1], len(track.t_s), axis=0)) for track in TRACKS[:4]]
     assert len(replace(trials(), tracks=(*resting, *TRACKS[4:16]))) == 16, "objects that stay are no copies"
 

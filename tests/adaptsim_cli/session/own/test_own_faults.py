@@ -119,7 +119,7 @@ x, y = 0.68, 0.0
 state = [[x + 0.02 * min(i, 8), y, 0.02] for i in range(12)]
 print(json.dumps({"trial": q["trial"], "t_s": [0.1 * i for i in range(12)], "state": state, "outcome": "on_table"}))
 """
-    with pytest.raises(AnswerRefused, match="it has the trajectory of trial 1, whose action was another"):
+    with pytest.raises(AnswerRefused, match="it has the trajectory of trial 1, but its action differs"):
         run(place.parent / "home", program(robot(place, stale)))
     assert len(trials_of(stored(place.parent / "home"))) == 1
 

@@ -18,6 +18,9 @@ from sim.errors import ClusterUnavailable, ExtraMissing
 CONNECT_S = 15.0
 """How long a scheduler may take to answer, and to show its first worker."""
 
+CLOSE_S = 5.0
+"""How long a connection may take to close."""
+
 RETRIES = 3
 """How often a call is repeated elsewhere after its worker died or the call failed."""
 
@@ -37,18 +40,43 @@ def dask_cluster(scheduler: str, warn: Warn = lambda sentence: None) -> Iterator
     ClusterUnavailable if nobody answers there, no worker is up, or every worker would compute other numbers.
     """
     try:
-        from distributed import Client  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise ExtraMissing(missing("--scheduler", "distributed", "cluster")) from error
-    try:
-        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+        client = _connected_client(scheduler)
     except (OSError, ValueError) as error:
         raise ClusterUnavailable(f"no Dask scheduler answers at {scheduler}: {_brief(error)}") from error
     try:
         yield _DaskExecutor(client, scheduler, _unlike_workers(client, scheduler), warn)
     finally:
         with suppress(TimeoutError):  # results are there by now, and a busy or lost cluster may not say good-bye
-            client.close(timeout=5)
+            client.close(timeout=CLOSE_S)
+
+
+def _connected_client(scheduler: str) -> Any:
+    """A client of distributed, which `dask_cluster` closes. Raises ExtraMissing, and OSError or ValueError if nobody
+    answers; the client is closed then.
+    """
+    try:
+        from distributed import Client  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise ExtraMissing(missing("--scheduler", "distributed", "cluster")) from error
+
+    class ExplicitlyClosedClient(Client):  # type: ignore[misc]
+        """Garbage collection never closes it.
+
+        The library's client closes itself there. If that happens while the next client starts, in the same thread,
+        then closing waits for ever for the lock that starting holds.
+        """
+
+        def start(self, **timeouts: Any) -> None:
+            try:
+                super().start(**timeouts)
+            except BaseException:
+                self.close(timeout=CLOSE_S)
+                raise
+
+        def __del__(self) -> None:
+            pass
+
+    return ExplicitlyClosedClient(scheduler, timeout=CONNECT_S, set_as_default=False)
 
 
 def _brief(error: Exception) -> str:

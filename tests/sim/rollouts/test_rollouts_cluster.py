@@ -200,6 +200,34 @@ def test_neither_does_anybody_at_an_address_that_is_none(address, monkeypatch):
         pass
 
 
+WRONG_ADDRESSES = """
+import gc
+from distributed.utils import LoopRunner
+from sim.errors import ClusterUnavailable
+from sim.rollouts import cluster
+
+def start_after_collection(runner, start=LoopRunner._start_unlocked):
+    gc.collect()
+    start(runner)
+
+gc.disable()
+cluster.CONNECT_S = 0.3
+LoopRunner._start_unlocked = start_after_collection
+for address in ("nonsense", "127.0.0.1", "ftp://127.0.0.1:80"):
+    try:
+        with cluster.dask_cluster(address):
+            pass
+    except ClusterUnavailable:
+        print("refused")
+"""
+
+
+def test_an_address_after_a_wrong_one_is_asked_even_if_memory_is_collected_meanwhile():
+    program = [sys.executable, "-c", WRONG_ADDRESSES]
+    run = subprocess.run(program, capture_output=True, text=True, timeout=120, check=False)
+    assert run.stdout.split() == ["refused"] * 3, run.stderr
+
+
 def test_a_scheduler_without_workers_gets_the_line_that_starts_one(monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_S", 1.0)
     with (

@@ -1,5 +1,5 @@
-"""Ways to adapt a task of one file, with the same trials: scipy's, mujoco.sysid's, ours with and without Phase 1, and
-others.
+"""Ways to adapt a task of one file, with the same trials: scripts that fit trajectories
+(`fitting_scripts.py`), ours with and without Phase 1, and others.
 
     adaptsim pretrain --task glide.py --budget small         # in a folder with the page's glide.py and scene.xml
     python benchmarks/own_simulator.py glide.py [--worlds wd tilted] [--seeds 3] [--budget 8] [--methods ...]
@@ -7,144 +7,38 @@ others.
 
 Prints, for each way and world, the mean reward of its final policy by true rollouts in the world, with the lowest and
 the highest of the seeds, and the rollouts that it simulated. Sessions that are in `--out` are not run again, and none
-begins after `--limit` seconds. The checkpoint is the newest one of the task. `scipy` and `mujoco-sysid` are a script as
-a student would write it: the parameters that fit all trajectories best, by `scipy.optimize.least_squares` or by
-`mujoco.sysid.optimize` (`pip install "mujoco[sysid]"`), and the best of 64 simulated actions there.
+begins after `--limit` seconds. The checkpoint is the newest one of the task.
 """
 
 from __future__ import annotations
 
 import argparse
-import inspect
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fitting_scripts import INFERENCES, FittingScript, lines_of
 from kept import Kept
-from scipy.optimize import least_squares
 
 from adaptsim_cli.bench.checkpoints import usual_checkpoint
-from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
-from sim.adaptation.method import Iteration, Method, Particle, Simulating, trials_in
+from sim.adaptation.method import Method, Simulating
 from sim.adaptation.methods import make_method
 from sim.lab.world import load_world
 from sim.research.benchmark.jobs import simulations
 from sim.research.benchmark.sessions import Conditions, estimated_reward, mean_of, run_session, udr_policies
 from sim.research.benchmark.trial_sources import SimulatedTrials
-from sim.rollouts.draws import cover
-from sim.rollouts.executors import serial_executor
-from sim.rollouts.kept import KeptRollouts
-from sim.rollouts.run import Requests, Rollouts
 from sim.tasks import task_of_file
-from sim.tasks.task import Executable, SolvedPolicy, Task
+from sim.tasks.task import SolvedPolicy
 from sim.types import Estimate
 
-Residuals = Callable[[Array], Array]
-"""Parameters (p,), normalised by their ranges -> residuals (r,)."""
+METHODS = ("udr", *INFERENCES, "direct", "random", "bo", "sysid-bayes", "adaptsim")
 
-STEP, EVALUATIONS = 0.02, 20
-"""Step of a difference quotient, and most steps of a fit."""
-
-ACTIONS, JUDGED = 64, 32
-
-
-def scipy_fit(residuals: Residuals, start: Array) -> Array:
-    """The best parameters by scipy."""
-    return np.asarray(least_squares(residuals, start, bounds=(0, 1), diff_step=STEP, max_nfev=EVALUATIONS).x)
-
-
-def mujoco_fit(residuals: Residuals, start: Array) -> Array:
-    """The best parameters by MuJoCo's toolbox for system identification."""
-    from mujoco import sysid  # noqa: PLC0415 - only this way needs it
-
-    def residual(unit: Array, parameters: Any) -> tuple[list[Array], None, None]:
-        columns = [residuals(column) for column in unit.reshape(len(start), -1).T]
-        return [np.stack(columns, axis=-1) if unit.ndim == 2 else columns[0]], None, None
-
-    one = sysid.ParameterDict({"unit": sysid.Parameter("unit", start, np.zeros_like(start), np.ones_like(start))})
-    fit, _ = sysid.optimize(one, residual, verbose=False, max_iters=EVALUATIONS, eps=STEP)
-    return np.asarray(fit.as_vector())
-
-
-FITS = {"scipy": scipy_fit, "mujoco-sysid": mujoco_fit}
-METHODS = ("udr", *FITS, "direct", "random", "bo", "sysid-bayes", "adaptsim")
-
-
-@dataclass(frozen=True, eq=False)
-class ListedPolicy:
-    """The simulated action that earns most in a context."""
-
-    script: FittingScript
-    parameters: Array  # (p,)
-    listed: Array  # (A, a)
-
-    def actions(self, contexts: Array) -> Array:
-        """(G, c) -> (G, a)"""
-        return self.listed[[int(self._rewards(context).argmax()) for context in contexts]]
-
-    def __call__(self, context: Array) -> Array:
-        """(c,) -> (a,)"""
-        return np.asarray(self.actions(context[None])[0])
-
-    def predict(self, context: Array) -> tuple[float, float, float]:
-        """The reward of the best action."""
-        best = float(self._rewards(context).max())
-        return best, best, best
-
-    def _rewards(self, context: Array) -> Array:
-        contexts = np.tile(context, (len(self.listed), 1))
-        rollouts = self.script.simulated(self.parameters, contexts, self.listed)
-        return rollouts.rewards(self.script.task, contexts)
-
-
-class FittingScript:
-    """A student's script: fit the parameters to all trajectories, then take the best of the simulated actions."""
-
-    def __init__(self, task: Task, fit: Callable[[Residuals, Array], Array]) -> None:
-        self.task, self.fit, self.roll = task, fit, KeptRollouts(task, serial_executor())
-
-    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The middle of the ranges."""
-        return (Particle(self.task.parameters.middle[None]),) * n
-
-    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The best fit to all trajectories."""
-        trials = trials_in(history)
-        contexts = np.stack([trial.context for trial in trials])
-        actions = np.stack([trial.action for trial in trials])
-        observed = np.concatenate([trial.observation for trial in trials])
-
-        def residuals(unit: Array) -> Array:
-            rollouts = self.simulated(self.task.parameters.denormalise(unit), contexts, actions)
-            return np.asarray(rollouts.observation.ravel() - observed)
-
-        fit = self.fit(residuals, np.full(len(self.task.parameters), 0.5))
-        return (Particle(self.task.parameters.denormalise(fit)[None]),) * len(history[-1])
-
-    def policy(
-        self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
-    ) -> SolvedPolicy:
-        """The best of the actions at these parameters."""
-        return ListedPolicy(self, particle.mean, cover(self.task.action, ACTIONS, np.random.default_rng(0)))
-
-    def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """The policy of the last fit."""
-        return self.policy(self.next(history, np.random.default_rng(0))[0], history)
-
-    def simulated(self, parameters: Array, contexts: Array, actions: Array) -> Rollouts:
-        """Rollouts of actions (N, a) at contexts (N, c) and parameters (p,). A context moves things only if the
-        simulation takes it.
-        """
-        task, n = self.task, len(actions)
-        reference = np.tile(np.asarray(task.reference_context), (n, 1))
-        where = contexts if task.relocate is None else reference
-        return self.roll(Requests(np.tile(parameters, (n, 1)), where, actions, np.tile(task.nuisance.middle, (n, 1))))
+JUDGED = 32
 
 
 def session(name: str, checkpoint: Checkpoint, world: str, seed: int, conditions: Conditions) -> dict[str, Any]:
@@ -155,11 +49,12 @@ def session(name: str, checkpoint: Checkpoint, world: str, seed: int, conditions
     def score(policy: SolvedPolicy) -> Estimate:
         return estimated_reward(task, policy.actions, source, conditions, seed)
 
-    rollouts = simulations(name, checkpoint) if name not in FITS else 0
+    rollouts = simulations(name, checkpoint) if name not in INFERENCES else 0
     if name == "udr":
         first = last = mean_of([score(policy) for policy in udr_policies(solver, seed)])
     else:
-        method: Method = FittingScript(task, FITS[name]) if name in FITS else make_method(name, task, checkpoint)
+        infer = INFERENCES.get(name)
+        method: Method = FittingScript(task, infer) if infer else make_method(name, task, checkpoint)
         policies = run_session(solver, method, source, conditions, seed)
         first, last = score(policies[0]), score(policies[-1])
         if isinstance(method, FittingScript):
@@ -198,7 +93,7 @@ def main() -> None:
     began, task = time.perf_counter(), task_of_file(asked.file)
     checkpoint = load_checkpoint(task, usual_checkpoint(task))
     conditions, kept = Conditions(asked.budget, judged=asked.judged), Kept(asked.out)
-    print(f"lines of the student's script: {len(inspect.getsource(FittingScript).splitlines())}")
+    print("lines of the scripts:", ", ".join(f"{way} {lines_of(way)}" for way in INFERENCES))
     print(f"'first': after one iteration, 'final': after {asked.budget} trials; then lowest and highest of the seeds")
     print(f"{'way':13} {'world':10} {'seeds':>5} {'first':>8} {'final':>8} {'seeds lie in':>16} {'rollouts':>10}")
     for name in asked.methods:

@@ -32,6 +32,7 @@ from sim.own.reward import EndOfTrial, OutcomeInWords, conditions_of, measured, 
 from sim.own.scene import files_of_scenes, physics_of
 from sim.own.simulation import Simulation, innermost, roles_of
 from sim.own.values import Declared
+from sim.tasks.files import note_declaration, of_file
 from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task, TaskFile
 from sim.types import Space
 
@@ -125,6 +126,7 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
     written = innermost(function)
     name, file = written.__name__, _file_of(written)
     path, roles = ("" if file is None else file.path), roles_of(function)
+    note_declaration(path, name)
     parameters, context, action, nuisance, state = (
         space_of(what, arguments[what]) for what in ("parameters", "context", "action", "nuisance", "state")
     )
@@ -302,8 +304,6 @@ def _effects(task_name: str, file: TaskFile | None, declared: Any) -> type[Any]:
 
 
 def _effects_again(file: TaskFile, task_name: str, values: Mapping[str, float]) -> Any:
-    from sim.tasks.files import of_file  # noqa: PLC0415 - only another process needs it
-
     return of_file(file, task_name).unmodelled(**values)
 
 

@@ -123,6 +123,22 @@ def caller_line(path: str) -> int | None:
     return None
 
 
+def note_declaration(path: str, name: str) -> None:
+    """Note that the file, if it is being loaded, declares a task of that name.
+
+    Raises TaskError naming both lines if it has declared one before, which nothing could find any more.
+    """
+    lines, line = _declaring().get(path), caller_line(path)
+    if lines is None or line is None:
+        return
+    if name in lines:
+        raise TaskError(
+            f"{path} declares two tasks named {name}, in line {lines[name]} and in line {line}: rename one of the "
+            "functions"
+        )
+    lines[name] = line
+
+
 def confine(path: str) -> None:
     """From now on, code of the file can neither end nor fork this process, nor ask the keyboard. A TaskError names the
     line that tries to.
@@ -219,7 +235,7 @@ def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
 
 @cache
 def _executed(path: Path, digest: str) -> tuple[Task, ...]:
-    module = _module(path, digest)
+    module, _declaring()[str(path)] = _module(path, digest), {}
     try:
         confine(str(path))
         with patched(time, _awake(str(path))), _same_folder(), _noticed(str(path)):
@@ -232,6 +248,8 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
         del sys.modules[module.__name__]
         what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
         raise TaskError(f"{line_of(error, str(path))}: {what}") from error
+    finally:
+        del _declaring()[str(path)]
     tasks = [value for value in vars(module).values() if isinstance(value, Task) and value.file is not None]
     declared = {task.name: task for task in tasks if task.file == TaskFile(str(path), digest)}
     if not declared:
@@ -260,6 +278,12 @@ def _module(path: Path, digest: str) -> ModuleType:
 @cache
 def _loaded() -> dict[str, Task]:
     """The tasks of files that this process has executed, by name."""
+    return {}
+
+
+@cache
+def _declaring() -> dict[str, dict[str, int]]:
+    """For each file that is being loaded, the line in which it declares each task."""
     return {}
 
 

@@ -1,9 +1,10 @@
-"""The script of `benchmarks/own_simulator.py`, as a student would write it: it fits trajectories, then searches."""
+"""The scripts of `benchmarks/own_simulator.py`, as a student would write them: they fit trajectories, then search."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import fitting_scripts
 import numpy as np
 import own_simulator
 import pytest
@@ -38,13 +39,9 @@ def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
     return task_of_file(str(tmp_path / "hit.py"))
 
 
-@pytest.mark.parametrize("way", ["scipy", "mujoco-sysid"])
+@pytest.mark.parametrize("way", ["scipy", "mujoco-sysid", "dropo"])
 def test_the_fit_finds_the_parameters_and_the_search_earns_their_reward(task, way):
-    if way == "mujoco-sysid":
-        sysid = pytest.importorskip("mujoco.sysid")
-        if not hasattr(sysid, "optimize"):
-            pytest.skip("mujoco is installed without its extra sysid")
-    script = own_simulator.FittingScript(task, own_simulator.FITS[way])
+    script = fitting_scripts.FittingScript(task, fitting_scripts.INFERENCES[way])
     truth, actions, contexts = np.array([0.22]), np.array([[0.4], [0.9]]), np.array([[0.6], [1.4]])
     rollouts = script.simulated(truth, contexts, actions)
     trials = trials_of_rows(contexts, actions, rollouts.observation, np.zeros(2), rollouts.end_state)

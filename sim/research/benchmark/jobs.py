@@ -42,6 +42,7 @@ from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, TableTrials, TrialSource
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.candidates import with_listed_actions
+from sim.solvers.grid import grid_behind
 from sim.types import Estimate
 
 DEFAULT = "adaptsim"
@@ -187,5 +188,7 @@ def simulations(method: str, checkpoint: Checkpoint) -> int:
             return checkpoint.card.simulations
         case "dataset" if checkpoint.emulator is not None:
             return checkpoint.card.budget.rollouts + checkpoint.card.budget.denser
+        case "dataset" if (grid := grid_behind(checkpoint.solver)) is not None:
+            return int(grid.tensors["success"].size)
         case _:
             return 0

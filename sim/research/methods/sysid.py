@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -156,7 +157,9 @@ def _infer(parameters: Array, simulated: Array, observed: Array, seed: int) -> A
 
         p = parameters.shape[1]
         network = posterior_nn("mdn", num_components=COMPONENTS, hidden_features=HIDDEN)
-        training = NPE(BoxUniform(torch.zeros(p), torch.ones(p)), network, tracker=_Silent(), show_progress_bars=False)
+        training = NPE(
+            BoxUniform(torch.zeros(p), torch.ones(p)), network, tracker=silent_tracker(), show_progress_bars=False
+        )
         training.append_simulations(torch.from_numpy(parameters).float(), torch.from_numpy(simulated).float())
         learnt = training.train(
             training_batch_size=BATCH, learning_rate=RATE, stop_after_epochs=PATIENCE, max_num_epochs=EPOCHS
@@ -166,9 +169,12 @@ def _infer(parameters: Array, simulated: Array, observed: Array, seed: int) -> A
     return np.asarray(drawn.reshape(DRAWN, p).double().numpy())
 
 
-class _Silent:
+def silent_tracker() -> Any:
     """A tracker for sbi that stores nothing; sbi's own writes into the current folder."""
+    return _Silent()
 
+
+class _Silent:
     log_dir = None
 
     def log_metric(self, name: str, value: float, step: int | None = None) -> None:

@@ -22,6 +22,7 @@ from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.errors import CheckpointError, TaskError
 from sim.lab.rollout import rollout_in
 from sim.lab.world import Faults, Sensing, World
+from sim.research.benchmark.jobs import simulations
 from sim.research.pretraining import pipeline
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.grid_stage import grid_tensors, simulate_grid_share, trained
@@ -181,6 +182,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
     ROLLED.clear()
     checkpoint = load_checkpoint(TASK, str(path))
     assert checkpoint.card.simulations == 5 * 256
+    assert simulations("random", checkpoint) == 5 * 256, "a benchmark says what its policies have cost"
     method, solver = create(checkpoint.solver.task, checkpoint), checkpoint.solver
     library = library_of(solver.task)
     assert library is not None

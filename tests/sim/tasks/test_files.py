@@ -47,6 +47,16 @@ def test_a_file_that_does_not_load_is_named_with_its_line(tmp_path, first, words
         task_of_file(str(written(tmp_path, first)))
 
 
+def test_two_tasks_of_one_name_are_refused_with_both_lines(tmp_path):
+    path = written(tmp_path, body=f"{BODY}\n\n{BODY}")
+    lines = [i for i, line in enumerate(path.read_text().splitlines(), 1) if line.startswith("@adaptsim.task")]
+    words = f"mine.py declares two tasks named mine, in line {lines[0]} and in line {lines[1]}: rename one"
+    with pytest.raises(TaskError, match=words):
+        task_of_file(str(path))
+    path.write_text(BODY)
+    assert task_of_file(str(path)).name == "mine", "the mended file is read afresh"
+
+
 def test_a_wrong_argument_is_named_with_its_line(tmp_path):
     path = written(tmp_path, body=BODY.replace("duration=3.0", "duration=-1"))
     with pytest.raises(TaskError, match=r"mine.py, line \d+: duration = -1: it must be a number"):

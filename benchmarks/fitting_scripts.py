@@ -35,10 +35,10 @@ Inference = Callable[[Simulate, Array, int], Array]
 STEP, EVALUATIONS = 0.02, 20
 """Step of a difference quotient, and most steps of a fit."""
 
-SIMULATED, DRAWN = 512, 16
+SIMULATED, DRAWN = 256, 16
 """Draws from the prior for sbi, and draws from a posterior for its policy."""
 
-PARTICLES, LIKELIHOODS, WIDTH, TOLERANCE = 10, 120, 0.3, 0.005
+PARTICLES, LIKELIHOODS, WIDTH, TOLERANCE = 8, 60, 0.3, 0.005
 """DROPO's parameters per likelihood, most likelihoods, first standard deviation, and tolerated deviation."""
 
 ACTIONS = 64
@@ -79,12 +79,12 @@ def sbi_posterior(simulate: Simulate, observed: Array, p: int) -> Array:
     from sim.research.methods.sysid import silent_tracker  # noqa: PLC0415
 
     unit = np.random.default_rng(0).random((SIMULATED, p))
-    pairs = [torch.from_numpy(array).float() for array in (unit, simulate(unit))]
+    pairs = [torch.tensor(array, dtype=torch.float32) for array in (unit, simulate(unit))]
     with calculating(0):
         training = NPE(BoxUniform(torch.zeros(p), torch.ones(p)), tracker=silent_tracker(), show_progress_bars=False)
         network = training.append_simulations(*pairs).train()
         with torch.no_grad():
-            drawn = network.sample((DRAWN,), torch.from_numpy(observed).float()[None])
+            drawn = network.sample((DRAWN,), torch.tensor(observed[None], dtype=torch.float32))
     return np.clip(drawn.reshape(DRAWN, p).double().numpy(), 0.0, 1.0)
 
 
@@ -148,6 +148,7 @@ class FittingScript:
 
     def __init__(self, task: Task, infer: Inference) -> None:
         self.task, self.infer, self.roll = task, infer, KeptRollouts(task, serial_executor())
+        self._inferred: dict[bytes, Array] = {}  # by trials
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The middle of the ranges."""
@@ -166,8 +167,10 @@ class FittingScript:
             rollouts = self.simulated(each, np.tile(contexts, (n, 1)), np.tile(actions, (n, 1)))
             return np.asarray(rollouts.observation.reshape(n, -1))
 
-        inferred = self.infer(simulate, observed, len(self.task.parameters))
-        return (Particle(self.task.parameters.denormalise(inferred)),) * len(history[-1])
+        key = b"".join(trial.key for trial in trials)
+        if key not in self._inferred:
+            self._inferred[key] = self.infer(simulate, observed, len(self.task.parameters))
+        return (Particle(self.task.parameters.denormalise(self._inferred[key])),) * len(history[-1])
 
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None

@@ -60,6 +60,7 @@ def check(
     from adaptsim_cli.research.task_check import checked
     from adaptsim_cli.screen import views
     from sim.errors import TaskError
+    from sim.rollouts.cost import duration
 
     with screen.busy("Simulating rollouts", "simulating"):
         result = checked(task, limit_s)
@@ -68,8 +69,8 @@ def check(
     text: list[Any] = [views.rows(("", "what every task keeps", ""), body)]
     if result["rollouts"]:
         text.append(
-            f"A rollout takes {1e3 * result['median_s']:.3g} ms (median of {result['rollouts']}, "
-            f"longest {1e3 * result['longest_s']:.3g} ms)."
+            f"A rollout takes {duration(result['median_s'])} (median of {result['rollouts']}, "
+            f"longest {duration(result['longest_s'])})."
         )
     broken = [one["detail"] for one in result["findings"] if one["mark"] == "broken"]
     failure = TaskError(f"{task}: {len(broken)} broken, first: {broken[0]}") if broken else None
@@ -97,7 +98,7 @@ def show(task: _Named) -> Reply:
     roles += [("state", name, f"{low:g} to {high:g}", "", "") for name, low, high in facts["state"]]
     text: list[Any] = [
         f"{one.name}: {one.title}",
-        f"It runs in {facts['physics']}; a trial lasts {facts['duration_s']:g} s and is observed at "
+        f"Physics: {facts['physics']}; a trial lasts {facts['duration_s']:g} s and is observed at "
         f"{len(facts['times_s'])} moments.",
         views.rows(("", "name", "range", "scale", "meaning"), roles),
         f"Worlds: {', '.join(facts['worlds']) or 'none'}",

@@ -117,9 +117,7 @@ def reward_of(function: Any, path: str, names: tuple[str, ...], ends: Space | No
     """The reward, after trying whether it takes stacks of trials. Raises TaskError."""
     if not callable(function):
         raise TaskError(f"reward = {function!r}: it must be a function of the end of a trial, and of its context")
-    inputs = inspect.signature(function).parameters.values()
-    takes = sum(one.default is inspect.Parameter.empty for one in inputs)
-    if takes > 2:
+    if (takes := _required(function)) > 2:
         raise TaskError(f"reward takes {takes} arguments: it must take the end, or the end and the context")
     rng = np.random.default_rng(0)
     one = Reward(function, path, names, context, takes, stacks=False)
@@ -154,15 +152,37 @@ class OutcomeInWords:
             raise TaskError(f"{line_of(error, self.end.path)}: a condition in `outcomes` {raises(error)}") from error
 
 
-def conditions_of(declared: Any) -> Mapping[str, Any] | None:
-    """`outcomes={"in the bin": lambda end: end.z < 0.1, "beside it": None}`. Raises TaskError."""
+def conditions_of(declared: Any, path: str, names: tuple[str, ...], ends: Space | None) -> Mapping[str, Any] | None:
+    """`outcomes={"in the bin": lambda end: end.z < 0.1, "beside it": None}`, after trying each condition on a few ends.
+    Raises TaskError.
+    """
     if declared is None:
         return None
-    if not isinstance(declared, Mapping) or not all(
-        isinstance(word, str) and word and (holds is None or callable(holds)) for word, holds in declared.items()
+    if (
+        not isinstance(declared, Mapping)
+        or not all(isinstance(word, str) and word and (h is None or callable(h)) for word, h in declared.items())
+        or None in [*declared.values()][:-1]
     ):
         raise TaskError(
             f"outcomes = {declared!r}: it must map words to conditions on the end, the last one to None, as "
             "{'in the bin': lambda end: end.z < 0.1, 'beside it': None}"
         )
+    rng = np.random.default_rng(0)
+    tried = rng.random((8, len(names))) if ends is None else ends.sample(rng, 8)
+    for word, holds in declared.items():
+        if holds is None:
+            continue
+        if (takes := _required(holds)) != 1:
+            raise TaskError(f"outcomes[{word!r}] takes {takes} arguments: it must take the end of a trial alone")
+        for end in tried:
+            try:
+                bool(holds(Values("end", dict(zip(names, end.tolist(), strict=True)))))
+            except (Exception, SystemExit) as error:  # the user's code may raise anything
+                raise TaskError(f"{line_of(error, path)}: outcomes[{word!r}] {raises(error)}") from error
     return declared
+
+
+def _required(function: Callable[..., Any]) -> int:
+    """The number of arguments without a default."""
+    inputs = inspect.signature(function).parameters.values()
+    return sum(one.default is inspect.Parameter.empty for one in inputs)

@@ -143,7 +143,7 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
     ends = state if arguments["measure"] is None else None
     reward = reward_of(arguments["reward"], path, end.names, ends, context)
     moves = "context" in roles
-    conditions = conditions_of(arguments["outcomes"])
+    conditions = conditions_of(arguments["outcomes"], path, end.names, ends)
 
     def sent(field: str, thing: Callable[..., Any]) -> Any:
         return Declared(thing, file, name, field)

@@ -14,14 +14,16 @@ from sim.tasks.task import Task
 SLOW_S = 0.5
 """A rollout that takes longer makes a simulator slow: it is worth to learn from fewer of them."""
 
-_TIMED = 3
+_TIMED, _BATCH = 3, 64
+"""Rollouts that are timed: a few single ones, or one batch."""
 
 
 @dataclass(frozen=True)
 class RolloutCost:
-    """The measured time of one rollout on one core."""
+    """The measured time of one rollout on one core, or its part of the time of a batch."""
 
     seconds: float
+    in_batches: bool = False
 
     @property
     def is_slow(self) -> bool:
@@ -30,26 +32,30 @@ class RolloutCost:
 
     def in_words(self, rollouts: int, processes: int = 0) -> str:
         """The time for this number of rollouts on this computer, in words."""
-        cores = processes or usable_cores()
-        total = self.seconds * rollouts / cores
+        cores = 1 if self.in_batches else processes or usable_cores()
+        total, where = self.seconds * rollouts / cores, "in batches" if self.in_batches else f"on {cores} cores"
         sooner = ", sooner if the error stops falling" if self.is_slow else ""
         return (
-            f"a rollout takes {duration(self.seconds)}; up to {rollouts} of them on {cores} cores take about "
+            f"a rollout takes {duration(self.seconds)}; up to {rollouts} of them {where} take about "
             f"{duration(total)}{sooner}"
         )
 
 
 def measured_cost(task: Task, seed: int) -> RolloutCost:
-    """The median time of a few rollouts, one after another, in this process."""
-    requests = draw_requests(task, _TIMED, np.random.default_rng(seed))
-    times = []
+    """The median time of a few rollouts, one after another, in this process; of a task that simulates batches, the time
+    of one, divided by its size.
+    """
+    rng, times = np.random.default_rng(seed), list[float]()
+    if (simulate_many := task.simulate_many) is not None:
+        batch = draw_requests(task, _BATCH, rng)
+        began = time.perf_counter()
+        simulate_many(batch.parameters, batch.context, batch.action, batch.nuisance)
+        return RolloutCost((time.perf_counter() - began) / _BATCH, in_batches=True)
+    requests = draw_requests(task, _TIMED, rng)
     for i in range(_TIMED):
         p, c, a, n = (getattr(requests, name)[i] for name in ("parameters", "context", "action", "nuisance"))
         began = time.perf_counter()
-        if task.simulate_many is None:
-            task.simulate(p, c, a, n)
-        else:
-            task.simulate_many(p[None], c[None], a[None], n[None])
+        task.simulate(p, c, a, n)
         times.append(time.perf_counter() - began)
     return RolloutCost(float(np.median(times)))
 

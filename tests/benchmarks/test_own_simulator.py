@@ -39,7 +39,9 @@ def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
     return task_of_file(str(tmp_path / "hit.py"))
 
 
-@pytest.mark.parametrize("way", ["scipy", "mujoco-sysid", "dropo"])
+@pytest.mark.parametrize(
+    "way", ["scipy", *(pytest.param(way, marks=pytest.mark.long) for way in ("mujoco-sysid", "sbi", "dropo"))]
+)
 def test_the_fit_finds_the_parameters_and_the_search_earns_their_reward(task, way):
     script = fitting_scripts.FittingScript(task, fitting_scripts.INFERENCES[way])
     truth, actions, contexts = np.array([0.22]), np.array([[0.4], [0.9]]), np.array([[0.6], [1.4]])

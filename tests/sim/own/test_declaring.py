@@ -79,6 +79,12 @@ WRONG = [
     ),
     ({"measure": lambda times, states: {"end": states.z}}, r"the states have no 'z': there is x"),
     ({"outcomes": ["in", "out"]}, r"outcomes = \['in', 'out'\]: it must map words to conditions"),
+    ({"outcomes": {"in": None, "out": lambda end: end.x > 1}}, r"outcomes = .*, the last one to None"),
+    ({"outcomes": {"in": lambda end, c: end.x > c.goal}}, r"outcomes\['in'\] takes 2 arguments: it must take the end"),
+    (
+        {"outcomes": {"in": lambda end: end.y > 1}},
+        r"outcomes\['in'\] raises AttributeError: end has no 'y': there is x",
+    ),
     ({"relocate": lambda o, c: o}, r"relocate: the function takes no context"),
     ({"train": lambda samples, seed: 0}, r"train: slide takes no policy"),
     ({"policies": 8}, r"policies = 8: it belongs to `train`, which is missing"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -23,6 +24,22 @@ def test_the_cost_is_said_in_words():
     assert RolloutCost(0.012).in_words(1000, 2) == "a rollout takes 12 ms; up to 1000 of them on 2 cores take about 6 s"
     assert [duration(s) for s in (0.4, 89.0, 600.0, 9000.0)] == ["0.4 s", "89 s", "10 min", "2.5 h"]
     assert measured_cost(TASK, 0).seconds < 0.5
+
+
+def test_a_task_that_simulates_batches_costs_a_part_of_the_time_of_one():
+    sizes = list[int]()
+
+    def in_batches(*rows):
+        sizes.append(len(rows[0]))
+        time.sleep(0.2)
+        return [simulate(*row) for row in zip(*rows, strict=True)]
+
+    cost = measured_cost(replace(TASK, simulate_many=in_batches), 0)
+    assert sizes == [64]
+    assert cost.seconds < 0.1
+    assert RolloutCost(0.01, in_batches=True).in_words(1000, 8) == (
+        "a rollout takes 10 ms; up to 1000 of them in batches take about 10 s"
+    )
 
 
 @pytest.mark.long

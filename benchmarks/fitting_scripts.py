@@ -85,7 +85,7 @@ def sbi_posterior(simulate: Simulate, observed: Array, p: int) -> Array:
         network = training.append_simulations(*pairs).train()
         with torch.no_grad():
             drawn = network.sample((DRAWN,), torch.tensor(observed[None], dtype=torch.float32))
-    return np.clip(drawn.reshape(DRAWN, p).double().numpy(), 0.0, 1.0)
+    return np.asarray(np.clip(drawn.reshape(DRAWN, p).double().numpy(), 0.0, 1.0))
 
 
 def dropo_distribution(simulate: Simulate, observed: Array, p: int) -> Array:

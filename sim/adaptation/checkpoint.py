@@ -293,10 +293,11 @@ def read_card(path: Path, task: str) -> Card:
     try:
         return card_of(path)
     except FileNotFoundError as error:
-        have = ", ".join(f"{t}/{n}" for t, n, _ in list_checkpoints()) or "none"
+        shipped = [name for of, name, _ in list_checkpoints() if of == task]
+        have = f"(shipped: {', '.join(shipped)})" if shipped else "(none is shipped)"
         raise CheckpointError(
-            f"no checkpoint {str(path)!r} for {task} (shipped: {have}): give the name of a shipped one or a folder "
-            f"that holds {CARD}, or make one with `adaptsim pretrain --task {task}`"
+            f"no checkpoint {str(path)!r} for {task} {have}: make one with `adaptsim pretrain --task {task}`, or give "
+            f"{'a shipped name, or ' if shipped else ''}a folder that holds {CARD}"
         ) from error
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -247,7 +246,7 @@ def test_a_category_of_a_particle_is_shown_with_its_chances(tmp_path, monkeypatc
     scooping = get_task("scooping")
     middle = dict(zip(scooping.parameters.names, scooping.parameters.middle, strict=True))
     result = result_of(session.store, 0)
-    result = replace(result, best=replace(result.best, params=middle))
+    result = result.model_copy(update={"best": result.best.model_copy(update={"params": middle})})
     row = scooping.parameters.names.index("g")
     before, after = (np.tile(scooping.parameters.middle, (4, 1)) for _ in range(2))
     before[:, row], after[:, row] = (0, 0, 0, 1), (1, 1, 1, 1)

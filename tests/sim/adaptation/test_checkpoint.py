@@ -88,7 +88,11 @@ def test_another_task_or_range_is_refused_by_name(stored):
 
 @pytest.mark.parametrize(
     ("card", "message"),
-    [("format = ", "not valid TOML"), ("format = 1", "has no fingerprint"), (None, "no checkpoint")],
+    [
+        ("format = ", "not valid TOML"),
+        ("format = 1", "has no fingerprint"),
+        (None, r"for toy \(none is shipped\): make one"),
+    ],
 )
 def test_a_broken_card_says_what_to_do(stored, card, message):
     if card is None:

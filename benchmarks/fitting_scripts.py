@@ -35,7 +35,7 @@ Inference = Callable[[Simulate, Array, int], Array]
 STEP, EVALUATIONS = 0.02, 20
 """Step of a difference quotient, and most steps of a fit."""
 
-SIMULATED, DRAWN = 256, 16
+SIMULATED, DRAWN = 256, 8
 """Draws from the prior for sbi, and draws from a posterior for its policy."""
 
 PARTICLES, LIKELIHOODS, WIDTH, TOLERANCE = 8, 60, 0.3, 0.005

@@ -40,20 +40,26 @@ def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
 
 
 @pytest.mark.parametrize(
-    "way", ["scipy", *(pytest.param(way, marks=pytest.mark.long) for way in ("mujoco-sysid", "sbi", "dropo"))]
+    ("way", "share"),
+    [
+        ("scipy", 0.02),
+        pytest.param("mujoco-sysid", 0.02, marks=pytest.mark.long),
+        pytest.param("sbi", 0.1, marks=pytest.mark.long),  # the mean of a few draws from a posterior
+        pytest.param("dropo", 0.05, marks=pytest.mark.long),  # of a few draws from a distribution
+    ],
 )
-def test_the_fit_finds_the_parameters_and_the_search_earns_their_reward(task, way):
+def test_the_fit_finds_the_parameters_and_the_search_earns_their_reward(task, way, share):
     script = fitting_scripts.FittingScript(task, fitting_scripts.INFERENCES[way])
     truth, actions, contexts = np.array([0.22]), np.array([[0.4], [0.9]]), np.array([[0.6], [1.4]])
     rollouts = script.simulated(truth, contexts, actions)
     trials = trials_of_rows(contexts, actions, rollouts.observation, np.zeros(2), rollouts.end_state)
     history = ((ParticleTrials(Particle(task.parameters.middle[None]), trials),),)
     (particle,) = script.next(history, np.random.default_rng(0))
-    assert particle.mean == pytest.approx(truth, rel=0.02)
+    assert particle.mean == pytest.approx(truth, rel=share)
     policy, goal = script.final(history), np.array([1.1])
     end = 0.3 * policy(goal)[0] / truth[0] + 0.1 * goal[0]
-    assert end == pytest.approx(goal[0], abs=0.05)
-    assert policy.predict(goal)[0] > 0.9
+    assert end == pytest.approx(goal[0], abs=0.03 + share)
+    assert policy.predict(goal)[0] > 0.92 - share
 
 
 def test_a_row_that_is_stored_is_not_made_again(tmp_path):

@@ -61,10 +61,10 @@ def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, 
         )
         return Group(Text(""), head, views.indent(Text(blind, style="dim")))
     why = (
-        f"The task policy was trained for {views.sampled(task.parameters, particle.samples)}"
+        f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
         if len(particle.samples) == 1
         else f"The task policy was trained for {len(particle.samples)} parameter sets over their ranges, "
-        f"mean {views.sampled(task.parameters, particle.samples)}"
+        f"mean {views.values(task.parameters, particle.mean)}"
     )
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
@@ -131,11 +131,11 @@ def adapted(
 
     `recordings` is the folder of recorded trials; "": trials happen.
     """
-    pairs = list(zip(before, after, strict=True))
-    if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(pairs):
-        tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(pairs)]
+    means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
+    if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):
+        tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
     else:
-        tables = [_changes(task.parameters, pairs, first=0)]
+        tables = [_changes(task.parameters, means, first=0)]
     amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
     now = views.values(task.parameters, np.array([result.best.params[name] for name in task.parameters.names]))
     best = Text(best_in_words(result.best, now))
@@ -177,32 +177,30 @@ def _style(result: ResultRecord) -> str:
     return "bold" if result.outlook is not None and result.outlook.done else ""
 
 
-def _changes(space: Space, pairs: Sequence[tuple[Particle, Particle]], first: int) -> Table:
+def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("parameter")
-    for index in range(len(pairs)):
+    for index in range(len(means)):
         table.add_column(f"particle {first + index + 1}", justify="right")
         table.add_column("", justify="left")
     for row, dimension in enumerate(space.dimensions):
         cells: list[RenderableType] = [Text(dimension.title)]
-        for now, then in pairs:
-            cells += _change(dimension, now.samples[:, row], then.samples[:, row])
+        for now, then in means:
+            cells += _change(dimension, now[row], then[row])
         table.add_row(*cells)
     return table
 
 
-def _change(dimension: Dimension, now: Array, then: Array) -> tuple[Text, Text]:
-    """The cells of a parameter's samples (m,) before and after."""
-    if dimension.kinds:
-        words, chances = views.sampled_in_words(dimension, now), views.sampled_in_words(dimension, then)
-        if words == chances:
-            return Text(words, style="dim"), Text("=", style="dim")
-        return Text(words), Text(f"→ {chances}", style="green")
-    before, after = float(now.mean()), float(then.mean())
-    if np.isclose(before, after, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(views.number(before), style="dim"), Text("=", style="dim")
-    style = "green" if after > before else "blue"
-    return Text(views.number(before)), Text(f"{'↑' if after > before else '↓'} {views.number(after)}", style=style)
+def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
+    if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
+        return Text(_bare(dimension, now), style="dim"), Text("=", style="dim")
+    style = "green" if then > now else "blue"
+    return Text(_bare(dimension, now)), Text(f"{'↑' if then > now else '↓'} {_bare(dimension, then)}", style=style)
+
+
+def _bare(dimension: Dimension, value: float) -> str:
+    """A value without its unit."""
+    return views.number(value) if dimension.scale != "integer" else views.value_in_words(dimension, value)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:

@@ -17,17 +17,13 @@ from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
-from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.history import result_of
 from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import MotionRecord
 from hw.errors import ArmFault
 from hw.types import JointPath
 from perception.types import Outcome
-from sim.adaptation.method import Particle
-from sim.tasks import get_task
 
 
 class Keyboard(io.StringIO):
@@ -237,20 +233,3 @@ def test_signs_are_true_ones_and_a_zero_has_none() -> None:
     assert [views.signed(x) for x in (-0.514, 0.02, -0.001, 0.0)] == ["−0.51", "+0.02", "0.00", "0.00"]
     said = "lies -0.0 mm from its place, -0.8 to +0.0 mm, depth-3 by -12 px (+0.05)"
     assert views.with_signs(said) == "lies 0.0 mm from its place, −0.8 to 0.0 mm, depth-3 by −12 px (+0.05)"
-
-
-def test_a_category_of_a_particle_is_shown_with_its_chances(tmp_path, monkeypatch):
-    operator, said = answering(monkeypatch, *["", "y", ""] * 4, width=160)
-    session = attended(tmp_path, operator)
-    run_iteration(session)
-    scooping = get_task("scooping")
-    middle = dict(zip(scooping.parameters.names, scooping.parameters.middle, strict=True))
-    result = result_of(session.store, 0)
-    result = result.model_copy(update={"best": result.best.model_copy(update={"params": middle})})
-    row = scooping.parameters.names.index("g")
-    before, after = (np.tile(scooping.parameters.middle, (4, 1)) for _ in range(2))
-    before[:, row], after[:, row] = (0, 0, 0, 1), (1, 1, 1, 1)
-    pair = (Particle(before),), (Particle(after),)
-    operator.screen.show(terminal_views.adapted(scooping, *pair, result, 160))
-    (line,) = (line for line in said.getvalue().splitlines() if line.strip().startswith("shape g"))
-    assert line.split()[2:] == ["ellipsoid", "75", "%,", "cylinder", "25", "%", "→", "cylinder"]

@@ -9,10 +9,10 @@ import tomli_w
 from toy_learning import trained
 from toy_task import TOY
 
+from sim.adaptation.card import list_checkpoints
 from sim.adaptation.checkpoint import (
     CARD,
     MODEL,
-    list_checkpoints,
     load_checkpoint,
     read_card,
     save_checkpoint,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _MODULE = "adaptsim_cli.research.task_examination"
 RESULT, RECORD = "result.json", "record.txt"
-"""The files of the other process: what it found, and the step that it is at."""
+"""The files of the other process. They hold its findings and its present step."""
 
 _MORE, _MOST_S = 10.0, 3600.0
 """How much more time a message offers, as a factor; most that the command takes."""

@@ -147,7 +147,7 @@ class RunningSession:
 
 
 def stages(session: RunningSession) -> Iterator[Stage]:
-    """Do one missing stage of the session after the other, and yield each once it is stored and the watchers know it.
+    """Run the missing stages of the session in order. Each is yielded once it is stored and the watchers have it.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable, AnswerAwaited or SessionError; completed
     stages stay stored.

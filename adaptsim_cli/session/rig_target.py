@@ -235,7 +235,8 @@ class RigTarget:
         return RigMotion(self, context, action, recorded=recording.read(folder / recording.FILE))
 
     def track(self, rig_motion: RigMotion, stored: Recording, progress: Progress = silently) -> TrackedTrial:
-        """Track the object as it was found before the motion; of a recording that was read, find it in the same pixels.
+        """Track the object from the detection before the motion. In a recording from a file, it is detected again in
+        the same pixels.
 
         See `Motion.track`.
         """

@@ -45,7 +45,7 @@ class Verdict(Record):
     kind: Kind = Field(description="go on or stop, and by which rule")
     reasons: tuple[Reason, ...] = Field(default=(), description="what else was found")
     reward: float = Field(description="estimated reward of the best policy")
-    ci95: tuple[float, float] = Field(description="95 % interval of that")
+    ci95: tuple[float, float] = Field(description="95 % interval of that reward")
     trials: int = Field(description="trials so far")
     strange: int = Field(description="trajectories that no parameters in the ranges predict")
     gain: float | None = Field(

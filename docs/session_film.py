@@ -4,7 +4,7 @@
 
 The session really runs in the simulated lab, with all data in FOLDER (some minutes). If FOLDER has a complete record,
 only the film is made again. A step that takes longer than `STEP_S` is played faster; nothing else is changed. Written
-are docs/figures/session.webm, its poster, and the short film of README.md. Needs tmux, and Chromium or Chrome.
+are docs/figures/session.webm, its poster, and the short film of README.md. Needs tmux, ffmpeg, and Chromium or Chrome.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 
-import cv2
 import numpy as np
 from check_live import Tab, tab, until
 from PIL import Image
@@ -44,13 +43,15 @@ PAGE_PX = 1000
 """Width in which live page and report are laid out, before they are scaled to the right part."""
 SCALE = (WIDTH_PX - TERMINAL_PX) / PAGE_PX
 
-STEP_S, REST_S, RATE_HZ = 1.2, 2.5, 10
-"""Longest time of a step in the film, time of the last picture of each scene, and pictures per second."""
+STEP_S, REST_S, RATE_HZ = 1.0, 2.5, 10
+"""Longest time of a step in the film, time of the last picture of the session, and pictures per second."""
 LOOKS = 12
 """The longer a step has lasted, the rarer it is looked at: after a part of its time so far, one in this many."""
-TYPED, SCROLLED = 3, 150
-"""Letters of the command in one picture of the film, and number of pictures in which the report is scrolled through."""
-SHORT_PX, SHORT_PICTURES, SHORT_S = 800, 26, 0.7
+TYPED = 3
+"""Letters of the command in one picture of the film."""
+STOPS, STOP_S = 12, 1.3
+"""Number of stops at which the report is shown, and the time of each."""
+SHORT_PX, SHORT_PICTURES, SHORT_S = 640, 16, 1.0
 """Width of the film in README.md, number of its pictures, and the time of each."""
 
 STEP = re.compile(r"(?:[⠀-⣿] )?(\S.*?)[:\s]+\d+ s")
@@ -62,7 +63,7 @@ TERMINAL = f"""<meta charset="utf-8"><style>
 body {{ margin: 0; background: #14181d; overflow: hidden }}
 pre {{ margin: 0; padding: 10px 8px; font: 12px/17px "DejaVu Sans Mono", monospace; color: #e4e2dc; height: 664px }}
 p {{ margin: 0; padding: 9px 10px; font: 13px/18px "DejaVu Sans", sans-serif; color: #14181d; background: #1fa3b8 }}
-</style><pre></pre><p>Simulated lab: no real robot moves. Steps over {STEP_S} s are played faster.</p>"""
+</style><pre></pre><p>Simulated lab: no real robot moves. Steps over {STEP_S:g} s are played faster.</p>"""
 
 
 @dataclass(frozen=True)
@@ -85,14 +86,14 @@ def main() -> None:
             moments = [*session(terminal, page, folder), *report(page, folder)]
         record.write_text(json.dumps([asdict(moment) for moment in moments]), encoding="utf-8")
     moments = [Moment(**one) for one in json.loads(record.read_text(encoding="utf-8"))]
+    shown = timeline(moments)
+    needed = sorted(set(shown))
     with tab(folder) as page:
-        pictures = [
-            side_by_side(left, folder / moment.page)
-            for left, moment in zip(terminals(page, moments), moments, strict=True)
-        ]
-    shown = [pictures[i] for i in timeline(moments)]
-    write_film(shown)
-    write_stills(shown)
+        left = terminals(page, [moments[i] for i in needed])
+        drawn = {i: side_by_side(one, folder / moments[i].page) for i, one in zip(needed, left, strict=True)}
+    pictures = [drawn[i] for i in shown]
+    write_film(pictures)
+    write_stills(pictures)
     for path, most in MOST_BYTES.items():
         size = path.stat().st_size
         assert size <= most, f"{path.name} has {size} bytes, at most {most} are allowed"
@@ -156,13 +157,13 @@ def session(terminal: Shell, page: Tab, folder: Path) -> Iterator[Moment]:
 
 
 def report(page: Tab, folder: Path) -> Iterator[Moment]:
-    """Scroll through the session's report."""
+    """Scroll through the session's report, stop by stop."""
     (path,) = (folder / "home").rglob("report.html")
     page.open(path.as_uri())
     last = int(page.script("document.documentElement.scrollHeight - innerHeight"))
-    for i, top in enumerate(np.linspace(0, last, SCROLLED)):
+    for i, top in enumerate(np.linspace(0, last, STOPS)):
         page.script(f"window.scrollTo(0, {top:.0f})")
-        yield Moment(i / RATE_HZ, "", photo(page, folder))
+        yield Moment(i * STOP_S, "", photo(page, folder))
 
 
 def size_page(page: Tab) -> None:
@@ -202,7 +203,8 @@ def as_html(terminal: str) -> str:
     """Text with terminal colours as HTML."""
     console = Console(file=io.StringIO(), record=True, width=COLUMNS, force_terminal=True)
     console.print(Text.from_ansi(terminal), soft_wrap=True)
-    return console.export_html(inline_styles=True, code_format="{code}")
+    html = console.export_html(inline_styles=True, code_format="{code}")
+    return html.replace("color: #000000", "").replace("background-color: #ffffff", "")  # those of the page
 
 
 def side_by_side(left: Image.Image, right: Path) -> Image.Image:
@@ -236,18 +238,20 @@ def timeline(moments: Sequence[Moment]) -> list[int]:
         count = max(1, round(min(lasts_s, STEP_S) * RATE_HZ))
         times_s = np.arange(count) / count * lasts_s
         shown += [step[i] for i in np.searchsorted(at_s, times_s, side="right") - 1]
-    rest = round(REST_S * RATE_HZ)
-    return [*shown, *[live[-1]] * rest, *range(live[-1] + 1, len(moments)), *[len(moments) - 1] * rest]
+    stops = np.repeat(np.arange(live[-1] + 1, len(moments)), round(STOP_S * RATE_HZ))
+    return [*shown, *[live[-1]] * round(REST_S * RATE_HZ), *stops.tolist()]
 
 
 def write_film(pictures: Sequence[Image.Image]) -> None:
     """VP9 at `RATE_HZ`."""
-    os.environ["OPENCV_FFMPEG_WRITER_OPTIONS"] = "crf;36|b;0|cpu-used;4|g;100"
-    writer = cv2.VideoWriter(str(FILM), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"VP90"), RATE_HZ, (WIDTH_PX, HEIGHT_PX))
-    assert writer.isOpened(), "this OpenCV cannot write VP9"
-    for one in pictures:
-        writer.write(np.ascontiguousarray(np.asarray(one)[..., ::-1]))
-    writer.release()
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{WIDTH_PX}x{HEIGHT_PX}", "-r", str(RATE_HZ), "-i", "-"]
+    coding = ["-c:v", "libvpx-vp9", "-pix_fmt", "yuv420p", "-b:v", "0", "-crf", "42", "-deadline", "realtime"]
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source, *coding, "-cpu-used", "7", "-g", "200", str(FILM)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
+        assert ffmpeg.stdin is not None
+        for one in pictures:
+            ffmpeg.stdin.write(one.tobytes())
+    assert ffmpeg.returncode == 0, "ffmpeg did not write the film"
 
 
 def write_stills(pictures: Sequence[Image.Image]) -> None:
@@ -256,8 +260,8 @@ def write_stills(pictures: Sequence[Image.Image]) -> None:
     small = SHORT_PX, SHORT_PX * HEIGHT_PX // WIDTH_PX
     chosen = np.linspace(0, len(pictures) - 1, SHORT_PICTURES).round().astype(int)
     first, *others = [pictures[i].resize(small, Image.Resampling.LANCZOS) for i in chosen]
-    options = {"save_all": True, "append_images": others, "duration": int(1e3 * SHORT_S), "loop": 0, "method": 6}
-    for quality in (70, 55, 40, 25):
+    options = {"save_all": True, "append_images": others, "duration": int(1e3 * SHORT_S), "loop": 0, "method": 4}
+    for quality in (45, 30, 20):
         first.save(SHORT, quality=quality, **options)
         if SHORT.stat().st_size <= MOST_BYTES[SHORT]:
             break

@@ -290,6 +290,10 @@ def test_the_verdict_follows_from_the_data():
     assert judged(good).kind is Kind.CONVERGED
     failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
     assert judged([*good, *good, *good, failing]).kind is Kind.NOT_CONVERGED
+    moved = judged([*good, *session(MEAN, [PARAMETERS.step(MEAN, np.array([-1, 0, 0, 0]), 0.15)])])
+    assert (moved.kind, moved.reasons) == (Kind.NOT_CONVERGED, (Reason.MOVING,))
+    full = [tuple(replace(s, trials=tuple(replace(t, reward=1.0) for t in s.trials)) for s in part) for part in good]
+    assert (judged(full).kind, judged(full).reasons) == (Kind.CONVERGED, (Reason.FULL,))
     assert judged(good[:1]).kind is Kind.TOO_FEW
     windy = judged(session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)))
     assert windy.is_inexpressible and (windy.strange, windy.trials) == (16, 16)

@@ -30,6 +30,7 @@ from sim.errors import RecordingsRefused
 from sim.lab.drawn import drawn_world
 from sim.rollouts.draws import Disturbances
 from sim.rollouts.recorded import RecordedTrials, require_sound
+from sim.rollouts.trajectories import contradiction
 from sim.solvers.readings import doubt, trial_doubt
 from sim.tasks import get_task
 from sim.tasks.task import Solver, Task
@@ -185,7 +186,8 @@ def in_some(spoil: Callable[[list[Row]], list[Row]], rows: list[Row]) -> list[Ro
 def alone(solver: Solver, row: Row) -> str:
     """What a session says about one answer of an own robot."""
     try:
-        return trial_doubt(solver, as_recorded(solver.task, [row]))
+        wrong = contradiction(solver.task, row.track, row.context, row.action)
+        return wrong or trial_doubt(solver, as_recorded(solver.task, [row]))
     except RecordingsRefused as error:
         return str(error)
 

@@ -290,15 +290,25 @@ def test_the_verdict_follows_from_the_data():
     assert judged(good).kind is Kind.CONVERGED
     failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
     assert judged([*good, *good, *good, failing]).kind is Kind.NOT_CONVERGED
-    moved = judged([*good, *session(MEAN, [PARAMETERS.step(MEAN, np.array([-1, 0, 0, 0]), 0.15)])])
-    assert (moved.kind, moved.reasons) == (Kind.NOT_CONVERGED, (Reason.MOVING,))
-    full = [tuple(replace(s, trials=tuple(replace(t, reward=1.0) for t in s.trials)) for s in part) for part in good]
-    assert (judged(full).kind, judged(full).reasons) == (Kind.CONVERGED, (Reason.FULL,))
     assert judged(good[:1]).kind is Kind.TOO_FEW
     windy = judged(session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)))
     assert windy.is_inexpressible and (windy.strange, windy.trials) == (16, 16)
     far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
     assert judged(session(far, [PARAMETERS.low, PARAMETERS.low])).kind is Kind.STAYS_LOW
+
+
+def test_good_rewards_are_said_to_be_good_whether_or_not_the_parameters_rest():
+    def earning(reward, step):
+        mean = PARAMETERS.step(MEAN, np.array([step, 0, 0, 0]), 0.15)
+        (part,) = session(MEAN, [mean, mean], iterations=1)
+        return tuple(replace(s, trials=tuple(replace(t, reward=reward) for t in s.trials)) for s in part)
+
+    good = [earning(0.9, 0), earning(0.9, 0)]
+    assert (judged(good).kind, judged(good).reasons) == (Kind.CONVERGED, ())
+    moving = judged([*good, earning(0.9, 2)])
+    assert (moving.kind, moving.reasons) == (Kind.NOT_CONVERGED, (Reason.MOVING,))
+    full = judged([*good, earning(1.0, 2)])
+    assert (full.kind, full.reasons) == (Kind.CONVERGED, (Reason.FULL,))
 
 
 def test_a_policy_that_nobody_has_tried_is_never_enough():

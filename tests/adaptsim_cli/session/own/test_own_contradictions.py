@@ -10,6 +10,7 @@ import pytest
 
 from adaptsim_cli.bench.checkpoints import usual_checkpoint
 from adaptsim_cli.screen.outputs.exchange import Question
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.own.exchange import Exchange
@@ -28,10 +29,11 @@ ACTION = PUSHING.action.denormalise(np.array([0.8, 0.6]))
 class TurnedPusher:
     """An answerer that reports one push of the simulator, with its way turned by R (2, 2)."""
 
-    title, moves, needs_consent = "a pusher", False, False
+    title, announcement, then = "a pusher", "The trial is asked for", ""
+    moves = needs_consent = False
 
     def __init__(self, R: Array) -> None:
-        self.R = R
+        self.R, self.release = R, Release()
 
     def ask(self, exchange: Exchange, question: Question, progress: Progress) -> None:
         middle = [space.denormalise(np.full((1, len(space)), 0.4)) for space in (PUSHING.parameters, PUSHING.nuisance)]

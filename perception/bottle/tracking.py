@@ -27,6 +27,7 @@ _NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a
 _SEEN = 0.35  # confidence from which a place counts
 _WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
 _STANDS_DEG = 4.0  # if a bottle at rest leans by more, its readings are wrong or it stands on something
+_LIES_DEG = 75.0  # a fallen bottle leans by 90° where it lies, within the errors of a fit; less may be another thing
 _STEP = 3  # clutter is searched in every third row and column
 _OWN_M = 0.020  # readings this near to the bottle belong to it, or to its mixed edges
 _NEAR_M = 0.06
@@ -210,6 +211,12 @@ def _end_flags(
             flags.append(
                 f"the bottle is still moving at the end ({1e3 * speed_m_s:.0f} mm/s): its resting place is unknown"
             )
+    lying_deg = float(np.median(tilt_deg[sure & (t_s >= t_s[sure][-1] - _LAST_S)]))
+    if outcome is Outcome.TIPPED and lying_deg < _LIES_DEG:
+        flags.append(
+            f"outcome uncertain: the tracked object leans by {lying_deg:.0f}° at the end, and a bottle that lies leans "
+            "by 90°: it may be another thing, or the bottle leans on one"
+        )
     end_deg = tilt_deg[sure][-1]
     if abs(end_deg - TIPPED_DEG) < 10:
         flags.append(f"outcome uncertain: the bottle leans by {end_deg:.0f}°, {TIPPED_DEG:.0f}° count as tipped")

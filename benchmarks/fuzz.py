@@ -53,7 +53,9 @@ from adaptsim_cli.bench.rig_file import reading
 from adaptsim_cli.bench.touch_off import store as touch_offs
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen import log
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.session import recording, watching
+from adaptsim_cli.session.own.reading import read_answer, track_of
 from adaptsim_cli.session.recorded.folder import read_recorded
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
@@ -79,21 +81,8 @@ VALUES: tuple[Any, ...] = (
     [float("nan")] * 4,
 )  # fmt: skip
 TOKENS = (
-    b"nan",
-    b"inf",
-    b"-",
-    b"1e999",
-    b"[[",
-    b"]",
-    b"{",
-    b'"',
-    b"\x00",
-    b"\xff\xfe",
-    b"9" * 400,
-    b"\\u0000",
-    b"\n",
-    b"=",
-)
+    b"nan", b"inf", b"-", b"1e999", b"[[", b"]", b"{", b'"', b"\x00", b"\xff\xfe", b"9" * 400, b"\\u0000", b"\n", b"=",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -152,6 +141,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("card", card, CARD, lambda p: read_card(p.parent, "scooping")),
         Reader("weights", pendulum.read_bytes(), "model.safetensors", load_tensors),
         Reader("log", lines, log.FILE, lambda p: log.read(p.parent)),
+        _answer(),
         *(_of_tables(tables, name) for name in ("recorded.toml", "trials.csv", "trajectories.csv")),
         *_of_others(made),
         *_of_session(made / "session"),
@@ -206,6 +196,28 @@ def _of_tables(folder: Path, name: str) -> Reader:
         return read_recorded(get_task("pendulum"), path.parent)
 
     return Reader(name, (folder / name).read_bytes(), name, load)
+
+
+def _answer() -> Reader:
+    """The answer of an own robot about a push, with its whole trajectory."""
+    task = get_task("pushing")
+    report, mark = task.require_report(), task.require_hardware().standing.mark_m
+    middle = {d.name: 0.5 * (d.low + d.high) for space in (task.context, task.action) for d in space.dimensions}
+    question = Question(
+        ask="trial", session="s", task="pushing", trial=3, attempt=1, goal_m=(0.83, 0.02), units={}, needs=(),
+        context={name: middle[name] for name in task.context.names},
+        action={name: middle[name] for name in task.action.names},
+        times_s=tuple(task.observation.times_s.tolist()), state=report.columns, outcomes=report.outcomes, success=(),
+    )  # fmt: skip
+    t_s = np.arange(0.0, 2.0, 0.05)
+    x_m = mark[0] + 0.2 * np.clip(t_s - 0.4, 0.0, 1.0)
+    state = np.c_[x_m, np.full(len(t_s), mark[1]), np.full(len(t_s), 0.05)]
+    table = {"trial": 3, "outcome": "upright", "t_s": t_s.tolist(), "state": state.tolist(), "rest_s": 1.5}
+
+    def load(path: Path) -> object:
+        return track_of(read_answer(path.read_bytes(), question), question, task)
+
+    return Reader("answer", json.dumps(table).encode(), "trial.answer.json", load)
 
 
 PAIRS = b"camera = 'fixed'\n[board]\nkind = 'points'\n[colour]\nwidth = 32\nheight = 32\n"

@@ -14,13 +14,14 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.advice import (
+    ENOUGH_ITERATIONS,
     HEADLINES,
     best_in_words,
     check_first,
     compared_in_words,
     in_words,
 )
-from adaptsim_cli.session.records import MotionRecord, ResultRecord, SessionFacts, TrialRecord
+from adaptsim_cli.session.records import ROLLOUT, MotionRecord, ResultRecord, SessionFacts, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Role, RunTrial
@@ -47,11 +48,11 @@ def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, 
     """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     numbers = facts.layout.numbers(stage.iteration)
-    place = f"{stage.key.number - numbers.start + 1} of {len(numbers)} in iteration {stage.iteration + 1}"
+    place = f"{stage.key.number - numbers.start + 1} of {len(numbers)} in this iteration"
     left = f", about {left_s / 60.0:.0f} min left" if left_s >= 60.0 else ""
     head = Text.assemble(
         views.mark(views.RECORDED if facts.recorded else facts.hw),
-        (f" Trial {stage.key.number}", "bold"),
+        (f" Trial {stage.key.number}{_of_session(facts, stage)}", "bold"),
         f"{again}   {place}, particle {stage.particle + 1}{left}",
     )
     if stage.role is not Role.ALONE:
@@ -66,6 +67,12 @@ def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, 
         f"mean {views.values(task.parameters, particle.mean)}"
     )
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
+
+
+def _of_session(facts: SessionFacts, stage: RunTrial) -> str:
+    """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
+    trials = facts.layout.numbers((1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS) - 1).stop - 1
+    return f" of {trials}" if stage.key.number <= trials else ""
 
 
 def proposal(task: Task, trial: MotionRecord, summary: str) -> RenderableType:

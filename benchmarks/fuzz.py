@@ -65,7 +65,7 @@ from calib.saved import SavedCalibration
 from hw.bounded import Unreadable
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
-from sim.adaptation.checkpoint import CARD, read_card
+from sim.adaptation.card import CARD, read_card
 from sim.errors import SimError
 from sim.lab.world import load_world
 from sim.storage.files import load_tensors

@@ -302,3 +302,20 @@ class PredictedOutcomes:
         """The mean of predictions (M, ...) over the M members of an ensemble."""
         failed = None if self.failure_reward is None else self.failure_reward.mean(axis=0)
         return PredictedOutcomes(self.success.mean(axis=0), self.end_state.mean(axis=0), failed)
+
+
+@dataclass(frozen=True)
+class EmulatorReport:
+    """Figures on rollouts that neither training nor calibration has seen."""
+
+    rollouts: int  # trained on
+    held_out: int
+    base_rate: float  # share of successes; it or its complement is the accuracy of a constant guess
+    accuracy: float
+    brier: float
+    calibration_error: float  # expected, ten bins
+    position_error_median: float  # last observed position, in state units (m)
+    position_error_p90: float
+    end_state_error_median: float  # of successes, in units
+    temperature: float
+    misfit_limit: float

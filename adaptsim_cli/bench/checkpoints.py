@@ -100,7 +100,7 @@ def checkpoint_of(settings: Config) -> Checkpoint:
 
 def usual_checkpoint(task: Task) -> str:
     """The name of the shipped checkpoint; without one, the folder of the newest that the user has pretrained."""
-    from sim.adaptation.checkpoint import CARD
+    from sim.adaptation.card import CARD
     from sim.tasks import files_of
 
     if (files_of(task.name, "checkpoints") / DEFAULT / CARD).exists():
@@ -111,7 +111,7 @@ def usual_checkpoint(task: Task) -> str:
 
 
 def _is_of(folder: Path, task: Task) -> bool:
-    from sim.adaptation.checkpoint import read_card
+    from sim.adaptation.card import read_card
     from sim.errors import CheckpointError
 
     try:
@@ -122,7 +122,7 @@ def _is_of(folder: Path, task: Task) -> bool:
 
 def own_checkpoints() -> list[Path]:
     """Folders of the checkpoints that `adaptsim pretrain` made in its default place, newest last."""
-    from sim.adaptation.checkpoint import CARD
+    from sim.adaptation.card import CARD
 
     cards = config.places().pretraining.glob(f"*/checkpoint/{CARD}")
     return [card.parent for card in sorted(cards, key=lambda card: card.stat().st_mtime_ns)]
@@ -130,7 +130,7 @@ def own_checkpoints() -> list[Path]:
 
 def _pretrained(task: Task) -> list[Path]:
     """The checkpoints for exactly these ranges, the newest own one last."""
-    from sim.adaptation.checkpoint import read_card
+    from sim.adaptation.card import read_card
     from sim.errors import CheckpointError
     from sim.tasks import files_of
     from sim.tasks.fingerprint import fingerprint
@@ -147,7 +147,7 @@ def _pretrained(task: Task) -> list[Path]:
 
 def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; an unreadable card is noted under `created`."""
-    from sim.adaptation.checkpoint import list_checkpoints, read_card
+    from sim.adaptation.card import list_checkpoints, read_card
     from sim.errors import CheckpointError
 
     def row(name: str, folder: Path) -> dict[str, str]:

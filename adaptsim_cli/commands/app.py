@@ -74,7 +74,7 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
             "Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.",
         ),
         "preview": CommandRow(
-            "rollout:preview",
+            "preview:preview",
             "Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.",
         ),
     },

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.session.target import Openers
 
 
@@ -87,7 +88,7 @@ def compare(
     from adaptsim_cli.show import comparison
 
     names = tuple(dict.fromkeys(sessions))
-    stores = [options.stored(name) for name in names]
+    stores = [stored(name) for name in names]
     rows, beliefs = comparison.compared(stores), believed(stores)
     digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
     name = f"{rows[0].facts.task}-{len(rows)}-sessions-{digest}"
@@ -144,7 +145,7 @@ def export(
     from adaptsim_cli.session import formats
     from adaptsim_cli.session.best_scene import scene_files
 
-    opened = options.stored(name)
+    opened = stored(name)
     path = out or Path(formats.default_name(opened, kind))
     with screen.progress() as progress:
         written = formats.export(opened, kind, path, scene_files, progress)
@@ -171,7 +172,7 @@ def replay(
     from adaptsim_cli.session import history, replaying
     from adaptsim_cli.session.exporting import written
 
-    opened = options.stored(session)
+    opened = stored(session)
     record = history.completed(opened, trial)
     with screen.busy("Reading the recording"):
         stored_trial = replaying.open_trial(opened, record)
@@ -239,7 +240,7 @@ def retrack(
     from adaptsim_cli.session import retracking
     from sim.tasks import get_task
 
-    opened = options.stored(session)
+    opened = stored(session)
     task = get_task(opened.facts.task)
     retracking.require_camera(task)
     with screen.busy("Tracking"):
@@ -250,3 +251,12 @@ def retrack(
         retracking.next_steps(session, rows),
         retracking.failure(rows),
     )
+
+
+def stored(name: str | None) -> SessionStore:
+    """The session with this name, or the newest. Raises SessionError, UsageError."""
+    from adaptsim_cli import config
+    from adaptsim_cli.session import folders, store
+
+    root = config.load().places.sessions
+    return store.SessionStore.open(root, name or folders.newest(root))

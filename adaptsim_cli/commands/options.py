@@ -8,12 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from adaptsim_cli.session.store import SessionStore
 
 _WORLDS = Path(__file__).parents[2] / "sim/worlds"
 
@@ -219,12 +216,3 @@ NewestSession = Annotated[
     str | None, typer.Argument(help="Name of the session; default: the newest.", autocompletion=session_names)
 ]
 Trial = Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")]
-
-
-def stored(name: str | None) -> SessionStore:
-    """The session with this name, or the newest. Raises SessionError, UsageError."""
-    from adaptsim_cli import config
-    from adaptsim_cli.session import folders, store
-
-    root = config.load().places.sessions
-    return store.SessionStore.open(root, name or folders.newest(root))

@@ -75,16 +75,13 @@ def show(name: options.Session) -> Reply:
     from adaptsim_cli.session.advice import onwards
     from adaptsim_cli.session.history import results_of
 
-    store = options.stored(name)
+    store = exporting.stored(name)
     shown = summary.details(store)
-    report = (f"adaptsim report {name}", "pictures, paths and parameters on one page")
-    rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
-    steps = [
-        *(step for step in onwards(store.facts, results_of(store), store.iterations()) if step[0] != report[0]),
-        report,
-        *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
-    ]
-    return Reply(shown, [terminal_views.session(shown)], steps)
+    steps = dict(onwards(store.facts, results_of(store), store.iterations()))  # a report stays where they put it
+    steps[f"adaptsim report {name}"] = "pictures, paths and parameters on one page"
+    for trial in {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}:
+        steps[f"adaptsim sessions accept {name} {trial}"] = "lets the rejected attempt count"
+    return Reply(shown, [terminal_views.session(shown)], [*steps.items()])
 
 
 @app.command()
@@ -234,7 +231,7 @@ def prune(
     from adaptsim_cli.screen.keys import Key, agree
     from adaptsim_cli.session import keeping, terminal_views
 
-    opened = options.stored(name)
+    opened = exporting.stored(name)
     room = keeping.prunable(opened, rejected_only=rejected)
     what = f"{room.files} recordings of {room.trials} trials, {terminal_views.size(room.size_bytes)}"
     if room.files and not yes:
@@ -264,7 +261,7 @@ def redo(
     """
     from adaptsim_cli.session import correcting
 
-    attempt = correcting.redo(options.stored(name), trial, reason)
+    attempt = correcting.redo(exporting.stored(name), trial, reason)
     data = {"session": name, "trial": trial, "next_attempt": attempt}
     count_it = (f"adaptsim sessions accept {name} {trial}", "if it should count after all")
     again = _continues(name, "repeats it and adapts again")
@@ -288,7 +285,7 @@ def accept(
     """
     from adaptsim_cli.session import correcting, terminal_views
 
-    changed = correcting.restore(options.stored(name), trial, None if attempt is None else attempt - 1, reason)
+    changed = correcting.restore(exporting.stored(name), trial, None if attempt is None else attempt - 1, reason)
     return terminal_views.amended(*changed)
 
 
@@ -317,7 +314,7 @@ def amend(
 
     if outcome is None:
         console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")
-    opened = options.stored(name)
+    opened = exporting.stored(name)
     task, outcomes = openers.seen_by_camera(resolved.config, opened.facts)
     record, choices = correcting.amendable(opened, task, outcomes, trial)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
@@ -346,7 +343,7 @@ def policy(
     if out is None:
         screen = console.Screen(as_json=True)  # stdout is for the policy alone
     with screen.busy("Training the best policy"):
-        exported = best.export(options.stored(name))
+        exported = best.export(exporting.stored(name))
     step = (f"adaptsim rollout --session {name} --best", "one trial with it")
     if out is None:
         screen.data("sessions policy", exported)

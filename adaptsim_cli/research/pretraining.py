@@ -208,7 +208,7 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
 
 def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
-    from sim.adaptation.checkpoint import read_card
+    from sim.adaptation.card import read_card
 
     text = json.dumps(read_card(folder, task).facts(), default=str)
     card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 _MODULE = "adaptsim_cli.research.task_examination"
 RESULT, RECORD = "result.json", "record.txt"
-"""The files of the other process: what it found, and the step that it is at."""
+"""The files of the other process: its findings, and the step that it has reached."""
 
 _MORE, _MOST_S = 10.0, 3600.0
-"""How much more time a message offers, as a factor; most that the command takes."""
+"""The factor by which a message suggests a longer limit, and the longest limit that the command takes."""
 
 
 def loaded(name_or_file: str) -> Task:

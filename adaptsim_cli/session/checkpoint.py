@@ -37,7 +37,8 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     CheckpointError if it is neither a shipped one, nor that of the settings, nor one of the user's own.
     """
     from adaptsim_cli.session.session_policies import with_session_policies
-    from sim.adaptation.checkpoint import load_checkpoint, read_card
+    from sim.adaptation.card import read_card
+    from sim.adaptation.checkpoint import load_checkpoint
     from sim.errors import CheckpointError
 
     facts = store.facts

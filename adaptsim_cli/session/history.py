@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.adaptation.stages import RunTrial
-from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.tasks.task import Task
 
 
 def result_of(store: SessionStore, iteration: int) -> ResultRecord:

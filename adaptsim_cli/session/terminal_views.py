@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich import box
@@ -23,11 +24,13 @@ from adaptsim_cli.session.advice import (
 )
 from adaptsim_cli.session.records import ROLLOUT, MotionRecord, ResultRecord, SessionFacts, TrialRecord
 from hw.types import Array
-from sim.adaptation.method import Particle
 from sim.adaptation.stages import Role, RunTrial
-from sim.adaptation.trials_forecast import TrialsForecast
-from sim.tasks.task import Task
 from sim.types import Dimension, Space
+
+if TYPE_CHECKING:
+    from sim.adaptation.method import Particle
+    from sim.adaptation.trials_forecast import TrialsForecast
+    from sim.tasks.task import Task
 
 
 def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:

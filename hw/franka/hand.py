@@ -35,7 +35,7 @@ Sdk = Callable[[], Any]
 
 
 OPEN, STATE, WIDTHS, GRASP = "open", "state", "widths", "grasp"
-"""The first three calls move nothing; the others are `home` and `move` of `hw.ports.Hand`, and `stop`."""
+"""Calls to this process. The first three move nothing. `home`, `move` and `stop` are called by their own names."""
 
 
 class NothingGrasped(HandError):

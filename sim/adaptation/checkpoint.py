@@ -11,138 +11,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hw.bounded import Unreadable
 from hw.extras import installed
+from sim.adaptation.card import CARD, FORMAT, Card, read_card
 from sim.adaptation.reward_table import RewardTable, restore_reward_table
 from sim.errors import CheckpointError
-from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
+from sim.solvers.emulator.network import SELF_TEST, Emulator, predictions, require_same
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import with_library
 from sim.solvers.solver import naf
-from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
-from sim.tasks import files_of, task_names
+from sim.storage.files import Tensors, load_tensors, save_tensors, sha256, write_toml
+from sim.tasks import files_of
 from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import read_library
 from sim.tasks.task import Solver, Task
 
-CARD = "card.toml"
-FORMAT = 1
 FEW = 2
 """Rollouts that stand for the physics of a task of a file."""
-
-Targets = Literal["paper", "wide"]
-"""Where targets are drawn: in the paper's ranges, or beyond them too."""
-
-
-@dataclass(frozen=True)
-class MethodScore:
-    """The score of a method after each iteration: of its final policy at that point, by true rollouts."""
-
-    name: str
-    reward: tuple[float, ...]  # mean over the targets
-    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 if there is none
-    gap_closed_ci95: tuple[tuple[float, float], ...]  # bootstrap over targets
-    above_udr_ci95: tuple[float, float]  # of the mean difference to UDR after the last iteration, all targets
-
-
-@dataclass(frozen=True)
-class EvaluationReport:
-    """Mean rewards over the targets, all by true rollouts."""
-
-    kind: Targets
-    targets: int
-    trials: int  # per session
-    rollouts: int  # behind each reward
-    udr: float  # mean over several of its policies
-    oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
-    targets_with_gap: int  # oracle - udr at least LEAST_GAP
-    methods: tuple[MethodScore, ...]
-    pairs: int  # of (policy, target), behind the next two figures
-    emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
-    emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
-
-
-class _Table(BaseModel):
-    """A table of the card. What this version does not know is kept as it is."""
-
-    model_config = ConfigDict(frozen=True, extra="allow")
-
-
-class Judging(_Table):
-    """The sessions of the evaluation."""
-
-    kind: Targets = "paper"
-    particles: int = 2
-    iterations: int = 5
-
-
-class Budget(_Table):
-    """The size of each stage, as far as others ask for it."""
-
-    rollouts: int = 0  # of the dataset, spread evenly
-    denser: int = 0  # further ones where the outcome is uncertain
-    evaluation: Judging = Judging()
-
-
-class Card(_Table):
-    """Everything about a checkpoint except its weights."""
-
-    format: Literal[1]
-    task: str
-    object: str | None = None  # of its ranges; None: not stated
-    fingerprint: str  # of the task
-    interface: dict[str, Any]  # behind the fingerprint: spaces, observation, noise
-    sha256: str  # of the weights
-    content: str = ""  # of the file of the task and of its scenes; empty: the task of a package
-    scene: str = ""  # key of the physics of such a task
-    created: datetime | None = None
-    versions: dict[str, str] = {}  # of the packages that it was made with
-    seed: int | None = None
-    simulations: int = 0
-    solver: Literal["emulator", "naf", "direct"] = "emulator"
-    naf: dict[str, Any] | None = None  # read by NAF's solver
-    budget: Budget = Budget()
-    self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
-    policies: dict[str, str] = {}  # name -> SHA-256 of each trained policy, in the folder `policies`
-    worth: dict[str, Any] | None = None  # see `sim.research.pretraining.worth`; None: not measured
-    emulator: EmulatorReport | None = None  # None: no emulator was trained
-    evaluation: EvaluationReport | None = None  # None: not asked for
-
-    def facts(self) -> dict[str, Any]:
-        """The card as it was written, ready for TOML."""
-        return self.model_dump(exclude_unset=True)
-
-
-def card_of(path: Path) -> Card:
-    """The card of the checkpoint in the folder `path`. Raises FileNotFoundError, CheckpointError."""
-    try:
-        raw = read_toml(path / CARD)
-        if (stored_format := raw.get("format", FORMAT)) != FORMAT:
-            raise CheckpointError(
-                f"{path} has checkpoint format {stored_format}, this version reads {FORMAT}: pretrain again"
-            )
-        return Card.model_validate(raw)
-    except Unreadable as error:
-        raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
-    except ValidationError as error:
-        raise _wrong(path / CARD, error) from error
-
-
-def _wrong(file: Path, error: ValidationError) -> CheckpointError:
-    errors_by_key = {".".join(map(str, one["loc"])): one for one in error.errors()}
-    missing = ", ".join(sorted(name for name, one in errors_by_key.items() if one["type"] == "missing"))
-    if missing:
-        return CheckpointError(f"{file} has no {missing}: install or make the checkpoint again")
-    name, first = next(iter(errors_by_key.items()))
-    return CheckpointError(f"{file} has a wrong {name} ({first['msg']}): install or make the checkpoint again")
-
 
 MODEL = "model.safetensors"
 REWARD_TABLE, GRID = "prospects.", "grid."
@@ -280,24 +170,6 @@ def reward_table_of(method: str, task: Task, checkpoint: Checkpoint | None) -> R
             f"`adaptsim pretrain --task {task.name}`"
         )
     return checkpoint.reward_table
-
-
-def list_checkpoints() -> list[tuple[str, str, Path]]:
-    """(task, name, folder) of every shipped checkpoint, sorted."""
-    folders = {task: files_of(task, "checkpoints") for task in task_names()}
-    return sorted((task, card.parent.name, card.parent) for task in folders for card in folders[task].glob(f"*/{CARD}"))
-
-
-def read_card(path: Path, task: str) -> Card:
-    """The card of the checkpoint in `path`. Raises CheckpointError."""
-    try:
-        return card_of(path)
-    except FileNotFoundError as error:
-        have = ", ".join(f"{t}/{n}" for t, n, _ in list_checkpoints()) or "none"
-        raise CheckpointError(
-            f"no checkpoint {str(path)!r} for {task} (shipped: {have}): give the name of a shipped one or a folder "
-            f"that holds {CARD}, or make one with `adaptsim pretrain --task {task}`"
-        ) from error
 
 
 def verify_weights(path: Path, card: Card) -> None:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
-from sim.rollouts.kept import KeptRollouts
 from sim.solvers.solver import policy_for
-from sim.tasks.task import Executable, Policies, SolvedPolicy, Solver, Task
+
+if TYPE_CHECKING:
+    from sim.rollouts.kept import KeptRollouts
+    from sim.tasks.task import Executable, Policies, SolvedPolicy, Solver, Task
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""

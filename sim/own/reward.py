@@ -12,9 +12,9 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.errors import SimError, TaskError
+from sim.errors import TaskError
 from sim.own.values import NamedStates, Values, by_name
-from sim.tasks.files import line_of
+from sim.tasks.files import user_code
 from sim.types import Space
 
 
@@ -43,23 +43,14 @@ def measured(
     measure: Callable[..., Any], path: str, t_s: Array, state: Array, names: Sequence[str]
 ) -> dict[str, float]:
     """The numbers that `measure` makes of times (N,) and states (N, k). Raises TaskError."""
-    try:
+    with user_code(path, lambda failure: f"measure {failure}"):
         numbers = measure(np.array(t_s), NamedStates.named(np.array(state), names))
-    except SimError:
-        raise
-    except (Exception, SystemExit) as error:  # the user's code may raise anything
-        raise TaskError(f"{line_of(error, path)}: measure {raises(error)}") from error
     if not isinstance(numbers, Mapping) or not numbers:
         raise TaskError(f"measure returns {numbers!r}: it must return named numbers, as {{'height': 0.3}}")
     for name, value in numbers.items():
         if not isinstance(name, str) or np.ndim(value) != 0 or not np.isfinite(float(value)):
             raise TaskError(f"measure returns {name!r} = {value!r}: each must be a finite number")
     return {name: float(value) for name, value in numbers.items()}
-
-
-def raises(error: BaseException) -> str:
-    """The failure of the user's code in words: `raises ValueError: ...`, or `exits`."""
-    return "exits" if isinstance(error, SystemExit) else f"raises {type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +85,8 @@ class Reward:
         columns = np.moveaxis(end, -1, 0)
         numbers = {n: float(v) if end.ndim == 1 else v for n, v in zip(self.names, columns, strict=True)}
         values = (Values("end", numbers), Values("context", by_name(self.context, context)))
-        try:
+        with user_code(self.path, lambda failure: f"reward {failure}"):
             return self.function(*values[: self.takes])
-        except SimError:
-            raise
-        except (Exception, SystemExit) as error:  # the user's code may raise anything
-            raise TaskError(f"{line_of(error, self.path)}: reward {raises(error)}") from error
 
     def _number(self, value: Any, shape: tuple[int, ...]) -> Array:
         try:
@@ -148,10 +135,8 @@ class OutcomeInWords:
     def __call__(self, track: ObjectTrack) -> str:
         """One of the words."""
         values = Values("end", dict(zip(self.end.names, map(float, self.end(track)), strict=True)))
-        try:
+        with user_code(self.end.path, lambda failure: f"a condition in `outcomes` {failure}"):
             return next((word for word, holds in self.conditions.items() if holds is None or holds(values)), "other")
-        except (Exception, SystemExit) as error:  # the user's code may raise anything
-            raise TaskError(f"{line_of(error, self.end.path)}: a condition in `outcomes` {raises(error)}") from error
 
 
 def conditions_of(declared: Any) -> Mapping[str, Any] | None:

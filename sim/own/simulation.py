@@ -12,9 +12,9 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import SimError, TaskError
+from sim.errors import TaskError
 from sim.own.values import Values, by_name
-from sim.tasks.files import line_of
+from sim.tasks.files import user_code
 from sim.types import Space
 
 ROLES = {"p": "p", "params": "p", "parameters": "p", "context": "context", "action": "action", "policy": "policy"}
@@ -103,14 +103,13 @@ class Simulation:
             "action": chosen,
             "policy": chosen,
         }
-        try:
-            result = self.function(*(values[role] for role in self.roles))
-        except SimError:
-            raise
-        except (Exception, SystemExit) as error:  # the user's code may raise anything
-            what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+
+        def sentence(failure: str) -> str:
             shown = " ".join(str(values[role]) for role in self.roles if role != "policy")
-            raise TaskError(f"{line_of(error, self.path)}: {what}, with {shown}") from error
+            return f"it {failure}, with {shown}"
+
+        with user_code(self.path, sentence):
+            result = self.function(*(values[role] for role in self.roles))
         if not isinstance(result, Sequence) or isinstance(result, str) or len(result) != 2:
             raise self._wrong(f"returns {_described(result)}: it must return two values, `times, states`")
         return result

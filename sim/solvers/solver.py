@@ -6,12 +6,14 @@ Solvers: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hw.types import Array
-from sim.tasks.task import Executable, Policies, SolvedPolicy
+
+if TYPE_CHECKING:
+    from sim.tasks.task import Executable, Policies, SolvedPolicy
 
 
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:

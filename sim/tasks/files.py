@@ -24,7 +24,7 @@ from types import ModuleType
 from typing import Any
 
 from hw.bounded import Unreadable, read_bytes, read_table
-from sim.errors import TaskError, UnknownName
+from sim.errors import SimError, TaskError, UnknownName
 from sim.storage.files import write_toml
 from sim.storage.places import data_folder
 from sim.tasks.task import Task, TaskFile
@@ -111,6 +111,22 @@ def line_of(error: BaseException, path: str) -> str:
         return f"{path}, line {error.lineno}"
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
     return f"{path}, line {lines[-1]}" if lines else path
+
+
+@contextmanager
+def user_code(path: str | None, sentence: Callable[[str], str]) -> Iterator[None]:
+    """A block that calls code of the file at `path`: what it raises becomes a TaskError, which names its line there.
+
+    `sentence` gets the failure in words, `raises ValueError: ...` or `exits`. Errors of this program pass unchanged.
+    """
+    try:
+        yield
+    except SimError:
+        raise
+    except (Exception, SystemExit) as error:  # the user's code may raise anything
+        failure = "exits" if isinstance(error, SystemExit) else f"raises {type(error).__name__}: {error}"
+        where = f"{line_of(error, path)}: " if path else ""
+        raise TaskError(where + sentence(failure)) from error
 
 
 def caller_line(path: str) -> int | None:
@@ -222,16 +238,17 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
         confine(str(path))
-        with patched(time, _awake(str(path))), _same_folder(), _noticed(str(path)):
+        with (
+            patched(time, _awake(str(path))),
+            _same_folder(),
+            _noticed(str(path)),
+            user_code(str(path), lambda failure: f"it {failure}"),
+        ):
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
-    except TaskError as error:
+    except SimError as error:
         del sys.modules[module.__name__]
         where = line_of(error, str(path))
         raise TaskError(str(error) if str(path) in str(error) else f"{where}: {error}") from error
-    except (Exception, SystemExit) as error:  # a file of others may do anything
-        del sys.modules[module.__name__]
-        what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
-        raise TaskError(f"{line_of(error, str(path))}: {what}") from error
     tasks = [value for value in vars(module).values() if isinstance(value, Task) and value.file is not None]
     declared = {task.name: task for task in tasks if task.file == TaskFile(str(path), digest)}
     if not declared:

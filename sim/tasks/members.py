@@ -21,7 +21,7 @@ import tomli_w
 from hw.types import Array
 from sim.errors import CheckpointError, TaskError
 from sim.storage.files import load_tensors, publish_new, read_toml, save_tensors
-from sim.tasks.files import line_of
+from sim.tasks.files import user_code
 from sim.tasks.task import Task
 
 POLICY = "policy.toml"
@@ -97,29 +97,23 @@ def load_policy(task: Task, member: Member) -> Any:
         stored = load_file(folder / STATE)
     if load is None:
         return stored
-    try:
+    path = task.file.path if task.file else None
+    failing = f"`load` of the task {task.name} fails with the policy {member.name} in {folder}"
+    with user_code(path, lambda failure: f"{failing}: it {failure}"):
         return load(stored)
-    except Exception as error:  # the user's code may raise anything
-        where = f"{line_of(error, task.file.path)}: " if task.file else ""
-        raise TaskError(
-            f"{where}`load` of the task {task.name} fails with the policy {member.name} in {folder}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
 
 
 def _trained(task: Task, samples: Array, seed: int, folder: Path) -> Any:
     training = task.training
     assert training is not None
     named = [task.parameters.named(row) for row in samples]
-    try:
-        return training.train(named, seed, folder=folder) if training.takes_folder else training.train(named, seed)
-    except (Exception, SystemExit) as error:  # the user's code may raise anything
+
+    def sentence(failure: str) -> str:
         such = ", ".join(f"{name} = {value}" for name, value in vars(named[0]).items())
-        what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
-        where = f"{line_of(error, task.file.path)}: " if task.file else ""
-        raise TaskError(
-            f"{where}`train` of the task {task.name} fails with seed {seed} for parameters such as {such}: {what}"
-        ) from error
+        return f"`train` of the task {task.name} fails with seed {seed} for parameters such as {such}: it {failure}"
+
+    with user_code(task.file.path if task.file else None, sentence):
+        return training.train(named, seed, folder=folder) if training.takes_folder else training.train(named, seed)
 
 
 def _store(result: Any, folder: Path, task: str) -> None:

@@ -18,12 +18,11 @@ import numpy as np
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import NoHardware
-from sim.tasks.hardware import Hardware
-from sim.tasks.training import TrainedPolicies
 from sim.types import PredictedOutcomes, Space
 
 if TYPE_CHECKING:
-    pass
+    from sim.tasks.hardware import Hardware
+    from sim.tasks.training import TrainedPolicies
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from adaptsim_cli.errors import CliError
 from adaptsim_cli.session.store import SessionStore
 from calib.errors import CalibrationError
 from calib.records import SetupRecord, read
-from sim.adaptation.checkpoint import CARD, read_card
+from sim.adaptation.card import CARD, read_card
 from sim.errors import SimError
 from sim.lab.world import load_world
 from sim.tasks import get_task

@@ -21,6 +21,8 @@ PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.m
         ("from adaptsim_cli.commands.app import run; run(['--help'])", ""),
         ("from adaptsim_cli.commands.app import run; run(['config', 'path'])", ""),
         ("from adaptsim_cli.commands.app import run; run(['lab', 'list'])", ""),
+        ("from adaptsim_cli.commands.app import run; run(['sessions', 'list'])", ""),
+        ("from adaptsim_cli.commands.app import run; run(['checkpoints', 'list'])", ""),
         ("import sim.tasks, hw.workcell", ""),
         ("import adaptsim_cli.session.store", ""),
         ("import adaptsim_cli.session.opening, adaptsim_cli.session.hindsight", "cv2 scipy"),

@@ -17,9 +17,10 @@ from sim.rollouts.dataset import Dataset, build_dataset
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Roll, Rollouts, run_many
 from sim.solvers.candidates import ScenarioPolicy
-from sim.solvers.emulator.network import Emulator, EmulatorReport
+from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
 from sim.tasks.task import Executable, SolverSettings, Task
+from sim.types import EmulatorReport
 
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)
 

@@ -1,4 +1,4 @@
-"""The checklist: a check has group, name, condition, probe and remedy. How the findings are shown and required."""
+"""The doctor's checklist: each check has a group, a name, a condition, a probe and a remedy."""
 
 from __future__ import annotations
 

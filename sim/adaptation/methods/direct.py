@@ -12,7 +12,7 @@ second one far away.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -114,7 +114,6 @@ class Direct:
     """A `Method` with `OwnPolicies`, and `Simulating`."""
 
     solver: DirectSolver
-    _fits: dict[bytes, LaplaceFit] = field(default_factory=dict, repr=False)  # by trials
 
     @property
     def rollouts(self) -> KeptRollouts:
@@ -160,25 +159,32 @@ class Direct:
     def draws_after_each(self, history: Sequence[Iteration]) -> tuple[Array, ...]:
         """(DRAWS, p) equally likely parameters in units: before the first iteration, and after each."""
         margin = self.solver.task.margin
-        drawn = [cover(margin, DRAWS, np.random.default_rng(0))]
-        for k in range(1, len(history) + 1):
-            if trials_in(history[:k]):
-                fit = self.fit(history[:k])
-                drawn.append(margin.denormalise(fit.draw(DRAWS, np.random.default_rng(0))))
-            else:
-                drawn.append(drawn[-1])
-        return tuple(drawn)
+        prior = cover(margin, DRAWS, np.random.default_rng(0))
+        drawn = (
+            prior if fit is None else margin.denormalise(fit.draw(DRAWS, np.random.default_rng(0)))
+            for fit in self._fits(history)
+        )
+        return (prior, *drawn)
 
     def fit(self, history: Sequence[Iteration]) -> LaplaceFit:
-        """The fit to all trials; raises ValueError without one. Each iteration's fit begins at that of the last."""
-        trials = trials_in(history)
-        if not trials:
+        """The fit to all trials. Raises ValueError without one."""
+        *_, fit = self._fits(history) or [None]
+        if fit is None:
             raise ValueError("no trial has been run yet, so nothing can be fitted")
-        key = b"".join(trial.key for trial in trials)
-        if key not in self._fits:
-            earlier = [self.fit(history[:-1]).best] if trials_in(history[:-1]) else []
-            self._fits[key] = self._fitted(trials, earlier, [entry.particle.mean for entry in history[-1]])
-        return self._fits[key]
+        return fit
+
+    def _fits(self, history: Sequence[Iteration]) -> list[LaplaceFit | None]:
+        """The fit to all trials up to each iteration, None before the first trial; each begins at the one before it."""
+        fits, fitted = list[LaplaceFit | None](), 0
+        for k, iteration in enumerate(history, start=1):
+            trials, earlier = trials_in(history[:k]), fits[-1] if fits else None
+            if len(trials) == fitted:
+                fits.append(earlier)
+                continue
+            starts = [] if earlier is None else [earlier.best]
+            fits.append(self._fitted(trials, starts, [entry.particle.mean for entry in iteration]))
+            fitted = len(trials)
+        return fits
 
     def near_fit(self, history: Sequence[Iteration]) -> NearFit:
         """Expected trajectories near the fit, by the rollouts of the fit."""

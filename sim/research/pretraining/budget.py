@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
-from sim.adaptation.checkpoint import Targets
+from sim.adaptation.card import Targets
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.reward_table import RewardTableSettings
 from sim.research.methods.q_policy import MemoryName

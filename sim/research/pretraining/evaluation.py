@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.adaptation import Adaptation
-from sim.adaptation.checkpoint import EvaluationReport, MethodScore, Targets
+from sim.adaptation.card import EvaluationReport, MethodScore, Targets
 from sim.adaptation.method import Method, Trial
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.sessions import begin_in_memory

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Targets
+from sim.adaptation.card import Targets
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, new_policy
 from sim.research.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse, visit

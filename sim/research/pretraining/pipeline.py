@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import save_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import AdaptSimBelief
 from sim.adaptation.reward_table import RewardTable, RewardTableSettings, restore_reward_table, tabulate_rewards

@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Card, Checkpoint, EvaluationReport
+from sim.adaptation.card import Card, EvaluationReport
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.research.pretraining.evaluation import EvaluationSettings, final_policies
@@ -22,9 +23,10 @@ from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Progress, Roll, roll_in_parts
-from sim.solvers.emulator.network import Emulator, EmulatorReport
+from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import held_out_errors
 from sim.tasks.task import SolvedPolicy, Solver, Task
+from sim.types import EmulatorReport
 
 SIGMAS = 3.0
 """By chance, one figure in 700 counts as worse."""

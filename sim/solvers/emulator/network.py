@@ -78,23 +78,6 @@ class EmulatedTrials:
     failure_reward: Array | None  # (N,) if it fails; None: in this task it earns nothing
 
 
-@dataclass(frozen=True)
-class EmulatorReport:
-    """Figures on rollouts that neither training nor calibration has seen."""
-
-    rollouts: int  # trained on
-    held_out: int
-    base_rate: float  # share of successes; it or its complement is the accuracy of a constant guess
-    accuracy: float
-    brier: float
-    calibration_error: float  # expected, ten bins
-    position_error_median: float  # last observed position, in state units (m)
-    position_error_p90: float
-    end_state_error_median: float  # of successes, in units
-    temperature: float
-    misfit_limit: float
-
-
 class Emulator(FromOutcomes):
     """A `sim.solvers.solver.Solver`: the trained networks of `sim.solvers.emulator.training`. Not for subclassing."""
 

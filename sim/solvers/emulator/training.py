@@ -16,11 +16,12 @@ from perception.types import Outcome
 from sim.errors import DatasetError, ExtraMissing
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
-from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, EmulatorReport, encode
+from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, encode
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
+from sim.types import EmulatorReport
 
 try:
     import torch

@@ -11,7 +11,8 @@ import pytest
 from adaptsim_cli import config
 from adaptsim_cli.bench.checkpoints import task_of
 from adaptsim_cli.commands import app
-from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import save_checkpoint
 from sim.research.methods.q_policy import new_policy, tensors_of
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import TASKS, files_of

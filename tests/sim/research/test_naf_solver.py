@@ -6,7 +6,8 @@ import torch
 from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.adaptation.checkpoint import CARD, load_checkpoint, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError, NotExecutable, UnknownName
 from sim.research.methods.q_policy import QPolicy, new_policy, tensors_of
 from sim.research.naf.memory import RECORD, NafMemory, features, plan_training

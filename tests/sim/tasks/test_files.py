@@ -33,13 +33,13 @@ def written(tmp_path: Path, first: str = "", body: str = BODY, name: str = "mine
 @pytest.mark.parametrize(
     ("first", "words"),
     [
-        ("x = 1 / 0", "mine.py, line 1: ZeroDivisionError: division by zero"),
+        ("x = 1 / 0", "mine.py, line 1: it raises ZeroDivisionError: division by zero"),
         ("import sys; sys.exit(3)", "mine.py, line 1: it exits"),
         ("import os; os._exit(3)", r"mine.py, line 1 calls os._exit: a task may neither end nor double the process"),
         ("import os; os.fork()", r"mine.py, line 1 calls os.fork"),
         ("import time; time.sleep(1000)", "mine.py, line 1 sleeps for 1000 s: every command would wait for it"),
-        ("def f(:", "mine.py, line 1: SyntaxError"),
-        ("import nothing_of_the_kind", "mine.py, line 1: ModuleNotFoundError"),
+        ("def f(:", "mine.py, line 1: it raises SyntaxError"),
+        ("import nothing_of_the_kind", "mine.py, line 1: it raises ModuleNotFoundError"),
     ],
 )
 def test_a_file_that_does_not_load_is_named_with_its_line(tmp_path, first, words):
@@ -68,7 +68,7 @@ def test_what_a_file_prints_leaves_stdout_alone_and_is_noted(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("raise ValueError('too fast')", r"mine.py, line (\d+): ValueError: too fast, with p"),
+        ("raise ValueError('too fast')", r"mine.py, line (\d+): it raises ValueError: too fast, with p"),
         ("import sys; sys.exit(3)", r"mine.py, line (\d+): it exits, with p"),
         ("import os; os._exit(3)", r"mine.py, line (\d+) calls os._exit: a task may neither end nor double"),
         ("import os; os.fork()", r"mine.py, line (\d+) calls os.fork"),

@@ -6,7 +6,8 @@ import pytest
 from toy_learning import roll, trained
 from toy_task import TOY, Unmodelled, simulate
 
-from sim.adaptation.checkpoint import Budget, EvaluationReport, Judging, load_checkpoint, save_checkpoint
+from sim.adaptation.card import Budget, EvaluationReport, Judging
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, new_policy, tensors_of
 from sim.research.naf.memory import NafMemory

@@ -37,7 +37,7 @@ def is_simulated(hw: str) -> bool:
 
 
 def is_own(hw: str) -> bool:
-    """Whether `hw` names a robot of one's own, of which this program owns no device."""
+    """Whether `hw` means the user's own robot, for which this program opens no device."""
     return hw == OWN
 
 

@@ -1,11 +1,12 @@
-"""Tracks a piece in pictures that our renderer did not make: which effects break the tracking, and is it flagged first?
+"""Which effects break the tracking of a piece in pictures that our renderer did not make, and are they flagged first?
 
     python benchmarks/composites.py
 
-The background is a photograph of a real table (tests/data/panda-realsense, camera 2, the arm out of the way by the
-median of its twenty pictures). An ellipsoid with the texture of another part of that photograph lies on it and moves
-straight on. Shading, noise as measured between the twenty pictures, and one effect at a time are added. Depth is that
-of the plane and the ellipsoid, with the noise that a Kinect showed on a table. Tracking is the product's, unchanged.
+The background is a photograph of a real table (tests/data/panda-realsense, camera 2). It is the median of twenty
+pictures, so that the arm does not appear in it. An ellipsoid with the texture of another part of that photograph lies
+on the table and moves in a straight line. Shading is added, noise as measured between the twenty pictures, and one
+effect at a time. Depth is that of the plane and the ellipsoid, with the noise that a Kinect showed on a table. The
+tracking is the program's own.
 """
 
 from __future__ import annotations

@@ -2,10 +2,11 @@
 
     python benchmarks/contradictions.py [--trials 24] [--worlds 15] [--tasks pushing scooping] [--seed 41] [--out FILE]
 
-First a table of simulated pushes is spoilt in ways that happen to people (`SPOILT`). Then sound tables of 10 to 19
-trials are made in drawn worlds, with plausible effects that no parameter expresses, and with the noise of a camera (0.8
-mm, 30 Hz). Every table is checked as a session does (`require_sound` and `doubt`). FILE stores a line for each correct
-table, so that a stopped run can continue.
+First a table of simulated pushes is spoilt in ways that happen to people: all of it (`SPOILT`), every fourth trial
+(`IN_SOME`), and each of its trials alone. Then sound tables of 10 to 19 trials are made in drawn worlds, with plausible
+effects that no parameter expresses, and with the noise of a camera (0.8 mm, 30 Hz). Every table is checked as a session
+does (`require_sound` and `doubt`), and a trial alone as the answer of an own robot (`trial_doubt`). FILE stores a line
+for each correct table, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from sim.errors import RecordingsRefused
 from sim.lab.drawn import drawn_world
 from sim.rollouts.draws import Disturbances
 from sim.rollouts.recorded import RecordedTrials, require_sound
-from sim.solvers.readings import doubt
+from sim.rollouts.trajectories import contradiction
+from sim.solvers.readings import doubt, trial_doubt
 from sim.tasks import get_task
 from sim.tasks.task import Solver, Task
 
@@ -68,16 +70,16 @@ def recorded(track: ObjectTrack, rng: np.random.Generator) -> ObjectTrack:
 def verdict(solver: Solver, rows: list[Row]) -> str:
     """Why a session refuses the table; "" if it does not."""
     try:
-        trials = RecordedTrials(
-            solver.task,
-            tuple(f"{i}" for i in range(len(rows))),
-            np.array([row.context for row in rows]),
-            np.array([row.action for row in rows]),
-            tuple(row.track for row in rows),
-        )
-        return doubt(solver, require_sound(trials))
+        return doubt(solver, require_sound(as_recorded(solver.task, rows)))
     except (RecordingsRefused, ValueError) as error:
         return str(error)
+
+
+def as_recorded(task: Task, rows: list[Row]) -> RecordedTrials:
+    """The table as a session reads it. Raises RecordingsRefused."""
+    names, contexts = tuple(f"{i}" for i in range(len(rows))), np.array([row.context for row in rows])
+    tracks = tuple(row.track for row in rows)
+    return RecordedTrials(task, names, contexts, np.array([row.action for row in rows]), tracks)
 
 
 Change = Callable[[Array, Array], tuple[Array, Array]]
@@ -172,6 +174,24 @@ SPOILT: dict[str, Callable[[list[Row]], list[Row]]] = {
 }
 
 
+IN_SOME = ("y flipped", "times doubled", "times halved", "clock 0.3 s early", "frame turned by 90°", "never moves")
+"""Mistakes that are made in every fourth trial of a table, and in one alone."""
+
+
+def in_some(spoil: Callable[[list[Row]], list[Row]], rows: list[Row]) -> list[Row]:
+    """The table with every fourth trial spoilt."""
+    return [new if i % 4 == 1 else row for i, (row, new) in enumerate(zip(rows, spoil(rows), strict=True))]
+
+
+def alone(solver: Solver, row: Row) -> str:
+    """What a session says about one answer of an own robot."""
+    try:
+        wrong = contradiction(solver.task, row.track, row.context, row.action)
+        return wrong or trial_doubt(solver, as_recorded(solver.task, [row]))
+    except RecordingsRefused as error:
+        return str(error)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=24, help="of the spoilt table")
@@ -188,19 +208,28 @@ def main() -> None:
         for name, reason in reasons.items():
             sys.stdout.write(f"{name}: {reason or 'READ WITHOUT A WORD'}\n")
         sys.stdout.write(f"{sum(map(bool, reasons.values()))} of {len(reasons)} spoilings are named\n")
-    alarms = 0
+        for name in IN_SOME:
+            reason = verdict(solvers["pushing"], in_some(SPOILT[name], rows))
+            named = sum(bool(alone(solvers["pushing"], row)) for row in SPOILT[name](rows))
+            sys.stdout.write(f"{name} in every fourth trial: {reason or 'READ WITHOUT A WORD'}\n")
+            sys.stdout.write(f"{name} in one trial alone: named in {named} of {len(rows)}\n")
+    alarms = trial_alarms = trials = 0
     for name, solver in solvers.items():
         for number in range(args.worlds):
             row = store.row(name, number, partial(sound, solver, args.seed, number))
             alarms += bool(row["refused"])
+            trial_alarms, trials = trial_alarms + row["named_alone"], trials + row["trials"]
             sys.stdout.write(f"{name} {number}: {row['trials']} trials: {row['refused'] or 'read'}\n")
             sys.stdout.flush()
     sys.stdout.write(f"{alarms} of {args.worlds * len(solvers)} sound tables are refused\n")
+    sys.stdout.write(f"{trial_alarms} of their {trials} trials would be named alone\n")
 
 
 def sound(solver: Solver, seed: int, number: int) -> dict[str, Any]:
     trials = int(np.random.default_rng((seed, number, 1)).integers(10, 20))
-    return {"trials": trials, "refused": verdict(solver, table(solver.task, seed, number, trials))}
+    rows = table(solver.task, seed, number, trials)
+    named = sum(bool(alone(solver, row)) for row in rows)
+    return {"trials": trials, "refused": verdict(solver, rows), "named_alone": named}
 
 
 if __name__ == "__main__":

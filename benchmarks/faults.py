@@ -67,7 +67,7 @@ from adaptsim_cli.session import running as session_running
 from hw.errors import ArmFault, CameraError, HardwareError, StoppedByPedal
 
 MOST_TRIES = 6
-"""So many times `--each` a kind is drawn at most."""
+"""Each kind is drawn at most this many times `--each`."""
 
 
 SESSION_ERRORS: dict[str, Callable[[], BaseException]] = {

@@ -35,7 +35,7 @@ _LEAST_POINTS = 60
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Outline points in the colour image, and how far beside them the colour has its edge."""
+    """Outline points in the colour image, and their distances to the edge of the colour."""
 
     outline_px: Array  # (N, 2) u, v where depth says that the near side ends
     normal: Array  # (N, 2) unit, away from the near side
@@ -48,7 +48,7 @@ class Alignment:
 
     @property
     def growth_px(self) -> float:
-        """By how much colour sees the outline further out than depth does: pixels that see both sides give no depth."""
+        """How much farther out the outline lies in colour than in depth. Pixels that see both sides give no depth."""
         return float(self._fit[1])
 
     @property

@@ -10,8 +10,8 @@ neighbouring link at every angle of the joint between them do not count as exces
 arms; the outline holds them solid, not only their surface.
 
 The adjustment of another arm's meshes keeps the outline that was fitted and moves it as little as these need, by a
-random search with a fixed seed: a wider capsule costs more than a moved one. The rows of links 1 to 4 are those that it
-made for the FR3 v2; the other links were only widened by up to 0.3 mm, to keep the margin.
+random search with a fixed seed: a wider capsule costs more than a moved one. The rows of links 1 to 4 were fitted to
+the FR3 v2. The other links were only widened by up to 0.3 mm, to keep the margin.
 
 The fit starts at random segments and moves ends and radii down the gradient of excess plus uncovered depth (Adam, all
 starts at once). Then it widens the capsules until nothing is uncovered, and by `MARGIN_M`. The signed distances lie on

@@ -178,7 +178,7 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
     if not possible:
         reason += (
             f"; the largest would be {1e3 * largest_rad:.0f} mrad, more than an arm that works can have "
-            f"({1e3 * LARGEST_OFFSET_RAD:.0f}): another error hides in them"
+            f"({1e3 * LARGEST_OFFSET_RAD:.0f}): another error causes them"
         )
     offsets_rad = free.state.offsets_rad
     joints = JointOffsets(offsets_rad if adopted else none, sigma, adopted, offsets_rad, float(delta_bic), reason)

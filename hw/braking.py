@@ -146,7 +146,8 @@ WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
 """Time from the wish to stop to rest, in any motion that the program accepts."""
 EVERY_S = 0.02
 SHARES = ((0.95, 0.7), (0.9, 0.4), (0.8, 0.2), (0.6, 0.1), (0.4, 0.05))
-"""Tried in turn: shares of the hardest and the sharpest braking that the limits seem to permit."""
+"""Pairs of shares, tried in turn: of the largest deceleration and of the largest jerk that the limits seem to
+permit."""
 AT_ONCE = 4_000
 """Samples that are checked in one go, for the sake of memory."""
 

@@ -16,7 +16,13 @@ class PerceptionError(Exception):
 
 
 class ObjectNotFound(PerceptionError):
-    """The object is not where it should be; the message names the searched area."""
+    """The object is not where it should be; the message names the searched area. `picture` is what the camera saw, as
+    JPEG, if somebody may look at it.
+    """
+
+    def __init__(self, message: str, picture: bytes | None = None) -> None:
+        super().__init__(message)
+        self.picture = picture
 
 
 class TableNotFound(PerceptionError):

@@ -61,7 +61,7 @@ def require_end(t_s: Array, duration_s: float) -> None:
 
 def seen_leaving(t_s: Array, xy_m: Array, visible: Mask, area: Area) -> bool:
     """Whether the object, last seen at a place of `xy_m` (N, 2) at a time of `t_s` (N,), was then on its way out of
-    `area`. An object that just is not seen any more has not left.
+    `area`. It is not enough that the object is no longer seen.
     """
     if not visible.any() or visible[: np.flatnonzero(visible)[-1] + 1].mean() < END_SHARE:
         return False

@@ -102,7 +102,7 @@ class SessionPosterior(Posterior):
         return f"<p>{self.session}: posterior after {self.trials} trials</p>{html_table(head, body)}"
 
     def _in_words(self, index: int, row: dict[str, str | float]) -> list[str | float]:
-        """A row of the table; of a category, the chance of each word stands in place of the mean."""
+        """A row of the table. For a category it has the probability of each word instead of a mean."""
         chances, kinds = self.chances(index), self.space.dimensions[index].kinds
         if chances is None:
             return list(row.values())

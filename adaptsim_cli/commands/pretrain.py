@@ -87,7 +87,9 @@ def pretrain(
             if pretraining.pretrain_share(request, part, crew, progress):
                 return complete(part, "its part of the rollouts", request.folder)
             first = f"Share {part} of the first part is complete in {request.folder}"
-            return Reply(text=[first, "Once all shares are, the same command simulates this share of the second part."])
+            return Reply(
+                text=[first, "Once all shares are complete, the same command simulates this share of the second part."]
+            )
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")

@@ -77,14 +77,11 @@ def show(name: options.Session) -> Reply:
 
     store = exporting.stored(name)
     shown = summary.details(store)
-    report = (f"adaptsim report {name}", "pictures, paths and parameters on one page")
-    rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
-    steps = [
-        *(step for step in onwards(store.facts, results_of(store), store.iterations()) if step[0] != report[0]),
-        report,
-        *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
-    ]
-    return Reply(shown, [terminal_views.session(shown)], steps)
+    steps = dict(onwards(store.facts, results_of(store), store.iterations()))  # a report stays where they put it
+    steps[f"adaptsim report {name}"] = "pictures, paths and parameters on one page"
+    for trial in {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}:
+        steps[f"adaptsim sessions accept {name} {trial}"] = "lets the rejected attempt count"
+    return Reply(shown, [terminal_views.session(shown)], [*steps.items()])
 
 
 @app.command()

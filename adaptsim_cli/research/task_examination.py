@@ -22,8 +22,8 @@ from sim.rollouts.soundness import examine
 from sim.tasks.files import is_file, line_of
 
 LOADING_S, STEP_S = 60.0, 20.0
-"""Least time for loading the file and for what lies between rollouts, and for one rollout: on a busy computer, imports
-of large packages take long."""
+"""The least time limits: for loading the file and for the steps between rollouts, and for one rollout. On a busy
+computer, imports of large packages take long."""
 
 
 def examined(name_or_file: str, limit_s: float, watchdog: StepTimer) -> dict[str, Any]:

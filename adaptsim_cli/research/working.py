@@ -52,7 +52,7 @@ def share_of(text: str, screen: Screen) -> Share | None:
 
 def complete(share: Share, contents: str, folder: Path) -> Reply:
     """The end of a share."""
-    joined = "Once all shares are, the same command without --share joins them."
+    joined = "Once all shares are complete, the same command without --share joins them."
     return Reply(text=[f"Share {share} is complete: {contents} in {folder}", joined])
 
 

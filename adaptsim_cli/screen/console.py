@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
-NAME = "Type a name or initials, as they shall stand in every record, then Enter; q ends the command."
+NAME = "Type a name or initials, as every record should show it, then Enter; q ends the command."
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
 

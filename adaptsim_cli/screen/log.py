@@ -61,8 +61,8 @@ class CommandLog:
         self.write("noted", text)
 
     def write(self, event: Kind, text: str = "", took_s: float | None = None, **data: Any) -> None:
-        """Append one line. If that fails, the screen says so once, until a line succeeds again, and the session
-        continues.
+        """Append one line. If that fails, the session continues, and the screen says so once; it is silent until a line
+        has succeeded again.
         """
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         took_s = None if took_s is None else round(took_s, 3)

@@ -65,12 +65,12 @@ def meaning_of(kind: type[BaseException]) -> str:
 
 
 def all_messages(kinds: frozenset[str]) -> Sequence[ErrorMessage]:
-    """Every message that is raised with one of these kinds of errors, and every cause that is a part of others."""
+    """All messages of errors of these kinds, and all causes that occur inside other messages."""
     return [one for one in _all_raised() if not one.kind or one.kind in kinds]
 
 
 def nearest(text: str, messages: Sequence[ErrorMessage], count: int) -> Sequence[ErrorMessage]:
-    """The templates that fit a message best, at most `count`, the best first; none if nothing is alike."""
+    """At most `count` templates that resemble a message, the most similar first; empty if no template resembles it."""
     words = _words(text)
     scores = [(_likeness(words, _words(one.template)), one) for one in messages]
     scores.sort(key=lambda entry: (-entry[0], entry[1].template != text))

@@ -23,7 +23,7 @@ def _has_documents() -> bool:
 
 @cache
 def _documents() -> str:
-    """The address of the repository's files, with a slash at its end; "" if the package does not know it."""
+    """The address of the repository's files, with a slash at its end; "" if the package's metadata do not give it."""
     for line in metadata.metadata("adaptsim").get_all("Project-URL") or ():
         label, _, address = line.partition(", ")
         if label == "Source":

@@ -1,6 +1,6 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
-Enter lets nothing move. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
+Enter alone moves nothing. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
 keyboard. A `y` belongs to one motion by its digest, and is used up when that motion is tried; no other motion can begin
 by it.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Each = Literal["motion", "command"]
 """The motions that one answer releases: one motion, or all motions that a question announces."""
 NOTHING_MOVED = "nothing has moved"
-ONE = "One motion begins. Ctrl-C stops it along its path; Enter lets nothing move."
+ONE = "One motion begins. Ctrl-C stops it along its path; Enter alone moves nothing."
 
 
 def require_word(screen: Screen, question: str, word: Key, assurance: str = NOTHING_MOVED) -> None:
@@ -117,7 +117,7 @@ class Release:
             return
         if self._run is not None and (self._watched or self.each == "command"):
             what = self._run[1]
-            then = f"It {what}. Ctrl-C stops it along its path; Enter lets nothing move."
+            then = f"It {what}. Ctrl-C stops it along its path; Enter alone moves nothing."
             self.sequence(clear_to_move(self.real, what) + ".", then, "everything completed is stored")
         elif self._run is not None:
             self.one(clear_to_move(self.real, self._run[0], duration_s) + ".", digest)

@@ -42,7 +42,7 @@ def failures(checks: Sequence[Readiness]) -> str:
 
 
 def point(space: Space, words: Sequence[str], otherwise: Array, what: str) -> Array:
-    """(n,) in units: `words` as name=value, missing ones from `otherwise` (n,).
+    """(n,) values in units, from `words` of the form name=value. Missing ones come from `otherwise` (n,).
 
     Raises UsageError for a wrong name, number or range, naming the right ones.
     """
@@ -80,11 +80,11 @@ def number(value: float) -> str:
 
 
 NO_INTERVAL = "–"
-"""In place of an interval that has no width, or would show none."""
+"""Shown instead of an interval whose width is zero, or would be rounded to zero."""
 
 
 def between(low: float, high: float, form: str = ".2f") -> str:
-    """The two ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if they would read alike."""
+    """The two ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if both ends round to the same number."""
     ends = [f"{end:{form}}".replace("-", "−") for end in (low, high)]
     return NO_INTERVAL if ends[0] == ends[1] else " to ".join(ends)
 
@@ -149,7 +149,9 @@ def value_in_words(dimension: Dimension, value: float) -> str:
 
 
 def chances_in_words(kinds: Sequence[str], chances: Sequence[float]) -> str:
-    """The chances of the words of a category, the likeliest first: `ice 71 %, wood 29 %`; a certain one alone."""
+    """The probabilities of the words of a category, the most probable first: `ice 71 %, wood 29 %`. A certain word
+    stands alone.
+    """
     likely = sorted(zip(chances, kinds, strict=True), key=lambda pair: -pair[0])
     texts = [f"{kind} {100 * chance:.0f} %" for chance, kind in likely if chance >= LEAST_SHOWN]
     return likely[0][1] if likely[0][0] > 1.0 - LEAST_SHOWN else ", ".join(texts)

@@ -88,11 +88,15 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 
 def _worth(verdict: Verdict) -> str:
-    """The expected gain of another iteration, for a method with a forecast."""
+    """What speaks for or against another iteration."""
     if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; the next iteration tries the policy that the trials have chosen"
     if verdict.kind is Kind.ENOUGH:
         return f"; after two iterations another one rarely gains more than {WORTHWHILE:.2f}"
+    if Reason.FULL in verdict.reasons:
+        return "; every trial of the last iteration earned 1.00, so nothing is left to gain"
+    if Reason.MOVING in verdict.reasons:
+        return "; the rewards are good, but the parameters still moved in the last iteration"
     return ""
 
 

@@ -37,7 +37,7 @@ def control_of(
         return _of_session(config, checkpoint, policies, executable, str(error))
 
     def train() -> tuple[ControlPolicy, ...]:
-        """Policies that have learnt nothing from trials, as many as for the stated reward of UDR."""
+        """Policies that have learnt nothing from trials. There are as many as for the stated reward of UDR."""
         from sim.adaptation.method import OwnPolicies
         from sim.adaptation.methods.udr import DRAWS
         from sim.solvers.solver import policy_for

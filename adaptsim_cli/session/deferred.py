@@ -27,7 +27,7 @@ class Deferred(Generic[T]):
             self.future.result()
 
     def settle(self) -> None:
-        """Return once the work is not running: it has ended in any way, or it never begins."""
+        """Return once the work has ended, by success or failure, or can no longer begin."""
         if not self.future.cancel():
             self.future.exception()
 

@@ -158,7 +158,7 @@ class _Migration:
         return following
 
     def _renamed(self, name: str) -> str:
-        """Of the folder or marker of a trial or result, with its numbers from 1. Raises SessionError."""
+        """The new name of a trial's or result's folder or marker, with numbers that begin at 1. Raises SessionError."""
         if not (match := _ENTRY.fullmatch(name)):
             raise records.corrupt(self.folder / name, "it does not belong to a session")
         before, number, kind, count, suffix = match.groups(default="")

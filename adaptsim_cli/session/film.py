@@ -60,7 +60,7 @@ class Filmed:
         return tuple(moments), files
 
     def sheet(self) -> tuple[Film | None, dict[str, bytes]]:
-        """The whole trial in small pictures, evenly in time, with the goal in sight -> (record, name -> JPEG)."""
+        """Small pictures at even times of the whole trial, with the goal in view -> (record, name -> JPEG)."""
         if not self.frames:
             return None, {}
         window, end_s = self._window(with_goal=True), float(self.track.t_s[-1])

@@ -47,7 +47,7 @@ from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
-from perception.errors import PerceptionError
+from perception.errors import ObjectNotFound, PerceptionError
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
@@ -147,7 +147,7 @@ class RunningSession:
 
 
 def stages(session: RunningSession) -> Iterator[Stage]:
-    """Do one missing stage of the session after the other, and yield each once it is stored and the watchers know it.
+    """Run the missing stages of the session in order. Each is yielded once it is stored and the watchers have it.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable, AnswerAwaited or SessionError; completed
     stages stay stored.
@@ -211,7 +211,7 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: 
         planned = target.plan(placed, action, progress)
         trial = propose(session.parts.task, stage, mean, policy, planned)
         if planned.overlay is not None:
-            planned = replace(planned, overlay_file=store.scratch("detection.jpg", planned.overlay))
+            planned = replace(planned, overlay_file=store.overlay(planned.overlay))
         session.screen.show(terminal_views.proposal(session.parts.task, trial, planned.summary))
         session.watcher.proposed(trial, planned)
         operator.approve(trial, planned, target.needs_consent, target.release)
@@ -256,6 +256,8 @@ def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, p
 def _again(session: RunningSession, stage: RunTrial, error: Exception) -> None:
     """Note why an attempt does not count. Raises `error` unless the trial is made again at once."""
     _reject(session, stage, str(error))
+    if isinstance(error, ObjectNotFound) and error.picture is not None:
+        session.screen.file("  The camera's picture", session.store.overlay(error.picture))
     if not (isinstance(error, PerceptionError | ActionImpossible) and session.operator.try_again(stage)):
         raise error
 

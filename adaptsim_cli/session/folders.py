@@ -20,6 +20,8 @@ from hw.plugins import did_you_mean
 FACTS = "session.toml"
 REPORT = "report.html"
 """The page of a session."""
+OVERLAY = "overlay.jpg"
+"""The camera's finding before a motion: in the folder of its trial, and the latest one in that of the session."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
 SOLVER, FORMER_SOLVER = "solver", "naf"

@@ -68,7 +68,7 @@ class Motion(Protocol):
 
     @property
     def stopped(self) -> HardwareError | None:
-        """Why it ended early; None: it did not. The recording until then is kept for inspection; it does not count."""
+        """The error that ended the motion early, or None. Its recording is kept for inspection and does not count."""
 
     def files(self) -> Mapping[str, bytes]:
         """The recorded files, name -> content; call it once, before `track`. Waits for frames still compressed."""

@@ -190,7 +190,7 @@ class MotionRecord(Record):
 
     @property
     def is_blind(self) -> bool:
-        """Whether it has a partner, so that the operator must not know whose policy acts."""
+        """Whether the trial has a partner. Then the operator must not know which policy acts."""
         return self.role is not Role.ALONE
 
     @property

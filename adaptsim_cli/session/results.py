@@ -67,7 +67,7 @@ def iteration_result(
 
 
 def _suspicion(task: Task, store: SessionStore) -> SuspicionRecord | None:
-    """The fault of the rig at which the trials so far hint, by the task."""
+    """The fault of the rig that the trials so far suggest, according to the task."""
     hardware = task.hardware
     if hardware is None:
         return None

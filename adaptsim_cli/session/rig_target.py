@@ -18,6 +18,7 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
+from adaptsim_cli.session.folders import OVERLAY
 from adaptsim_cli.session.live_trial import OutcomeUndecided, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
@@ -146,12 +147,16 @@ class RigTarget:
         with progress("Taking a picture", "finding"):
             frame, model = self.in_time(rig.camera.snapshot()), rig.camera.model()
         with progress(f"Finding the {task.object_name}", "finding"):
-            detection = tracker.find(frame, model, rig.hand_eye.X_BC)
+            try:
+                detection = tracker.find(frame, model, rig.hand_eye.X_BC)
+            except ObjectNotFound as error:
+                raise ObjectNotFound(str(error), _seen(frame)) from error
         context = tracker.context(drawn, detection)
         if not task.context.contains(context):
             ranges = ", ".join(f"{d.label} {d.low:g} to {d.high:g}" for d in task.context.dimensions)
             place = ", ".join(f"{value:.3f}" for value in context)
-            raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {place}; area {ranges}")
+            message = f"the {task.object_name} lies outside of the area: found {place}; area {ranges}"
+            raise ObjectNotFound(message, _seen(frame))
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
         return FoundObject(drawn, context, key, recording.encode_jpeg(overlay, 90), frame, detection)
 
@@ -235,7 +240,8 @@ class RigTarget:
         return RigMotion(self, context, action, recorded=recording.read(folder / recording.FILE))
 
     def track(self, rig_motion: RigMotion, stored: Recording, progress: Progress = silently) -> TrackedTrial:
-        """Track the object as it was found before the motion; of a recording that was read, find it in the same pixels.
+        """Track the object from the detection before the motion. In a recording from a file, it is detected again in
+        the same pixels.
 
         See `Motion.track`.
         """
@@ -348,7 +354,12 @@ class RigTarget:
                 files = {RIG: to_json(facts)}
             except ValueError as error:  # NaN must not cost the recording
                 files = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": planned.sighting.overlay, **files}, stored
+        return {recording.FILE: mcap, OVERLAY: planned.sighting.overlay, **files}, stored
+
+
+def _seen(frame: Frame) -> bytes:
+    """The camera's picture, for the operator."""
+    return recording.encode_jpeg(frame.colour, 90)
 
 
 def _motionless(t_s: float) -> Execution:

@@ -51,7 +51,7 @@ def with_session_policies(checkpoint: Checkpoint, session: Path, workers: int, s
             if member is None:
                 screen.plain(
                     f"The training of a policy took longer than its limit of {limit_s:g} s and was stopped; the "
-                    "nearest policy of the library stands in for it."
+                    "nearest policy of the library is used instead."
                 )
         if member is not None:
             added.append(member)
@@ -63,7 +63,7 @@ def with_session_policies(checkpoint: Checkpoint, session: Path, workers: int, s
 
 
 def trained_policies(checkpoint: Checkpoint, session: Path, workers: int, screen: Screen) -> bool:
-    """Train the missing policies of a session; whether there is one that `with_session_policies` did not know before.
+    """Train the missing policies of a session. Returns whether one is new to `with_session_policies`.
 
     Raises TaskError if a training fails.
     """

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.session import records
-from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of, session_parts
+from adaptsim_cli.session.folders import FACTS, OVERLAY, entries, existing_folder, folder_of, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -286,11 +286,10 @@ class SessionStore:
         files = {SUMMARY: summary, RESULT: records.to_json(summed)}
         durable.write_folder(folder / f"result-{_results(entries(folder)) + 1}", files)
 
-    def scratch(self, name: str, content: bytes) -> Path:
-        """Write a temporary file for the operator to look at; it is not part of the record."""
-        path = self.folder / f".{name}"
-        with durable.explained(path):
-            path.write_bytes(content)
+    def overlay(self, picture: bytes) -> Path:
+        """Write the camera's latest finding for the operator to look at; only that in a trial's folder is a record."""
+        path = self.folder / OVERLAY
+        durable.replace_file(path, picture)
         return path
 
     def iteration_folder(self, iteration: int) -> Path:

@@ -228,7 +228,7 @@ def joints(played: Execution) -> Iterator[Message]:
 
 
 def reported(names: Container[str]) -> tuple[MeasuredQuantity, ...]:
-    """The quantities with these names; a name that only a newer version knows is none."""
+    """The quantities with these names. Names from newer versions are left out."""
     return tuple(quantity for quantity in QUANTITIES if quantity.name in names)
 
 

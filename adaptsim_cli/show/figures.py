@@ -146,7 +146,7 @@ def _belief(
     half: float,
     name: Callable[[float], str] | None,
 ) -> None:
-    """`name` is that of a whole number; None for other numbers."""
+    """`name` gives the word for a whole number of a category; None for other quantities."""
     if name is not None:
         for value in np.unique(posterior.samples[:, index]):
             share = float(posterior.weights[posterior.samples[:, index] == value].sum())

@@ -25,7 +25,7 @@ BINS = 24
 
 
 def live_html() -> str:
-    """The page, which asks for its state and its pictures below its own address."""
+    """The page. It requests its state and its pictures from addresses below its own."""
     return (resources.files("adaptsim_cli.show") / "live.html").read_text(encoding="utf-8")
 
 

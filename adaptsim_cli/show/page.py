@@ -23,7 +23,7 @@ from adaptsim_cli.session.advice import (
 )
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.folders import REPORT
+from adaptsim_cli.session.folders import OVERLAY, REPORT
 from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
 from adaptsim_cli.session.records import (
@@ -293,7 +293,7 @@ def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]
 def _pictures(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> Pictures:
     folder = store.trial_folder(*record.position)
     strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
-    overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
+    overlay = picture(folder / OVERLAY) if OVERLAY in record.files else ""
     curves = tuple(store.facts.curves)
     expected = judgement.predictions.get(record.trial) if judgement else None  # None: a control trial
     drawn = figures.prediction(record, expected, curves) if expected else ""

@@ -139,7 +139,9 @@ class Page:
             yield OVER if version < 0 else KEEP_ALIVE if state is None else event(state)
 
     def _after(self, version: int) -> tuple[int, bytes | None]:
-        """The next state after `version`; None after `KEEP_ALIVE_S` without one. Version -1: the page has ended."""
+        """The next state after `version`, or None if none comes within `KEEP_ALIVE_S`. Version -1 means that the page
+        has ended.
+        """
         with self._news:
             is_new = self._news.wait_for(lambda: self._ended or self._version > version, KEEP_ALIVE_S)
             if self._version > version:

@@ -55,9 +55,12 @@ def row(one: RevealedParameter) -> tuple[str, str, str, str]:
 
 def table(shown: Revealed) -> RenderableType:
     """The table with its chart, and one sentence on the gain of adapting."""
-    body = [(*row(one), chart(one)) for one in shown.parameters]
+    body = list[tuple[str, ...]]()
+    for one in shown.parameters:
+        *left, belief = row(one)
+        body.append((*left, belief.replace("%, ", "%\n"), chart(one)))  # each word of a category has a line
     drawn = views.rows(("parameter", "truth", "range", "belief", ""), body)
-    drawn.columns[-1].no_wrap = True
+    drawn.columns[-2].no_wrap = drawn.columns[-1].no_wrap = True
     beyond = "; * beyond that range" if any("*" in cells[1] for cells in body) else ""
     return Group(
         Text(""),

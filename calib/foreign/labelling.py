@@ -38,7 +38,7 @@ def resolve_symmetry(views: Sequence[View], setup: Setup, forward: Forward | Non
 
 
 def renumbered(corners: Corners, board: CalibrationTarget) -> list[Corners]:
-    """The corners as they are numbered, then as they would be from each other end of a board that looks the same."""
+    """The corners as numbered, then as numbered from each other end of the board from which it looks the same."""
     labellings = [corners]
     for ids in board.turns:
         new = ids[corners.ids]

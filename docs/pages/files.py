@@ -89,7 +89,7 @@ def fields(module: str, name: str) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _described(node: ast.AnnAssign) -> tuple[str, str]:
-    """Description and unit of a pydantic field, as they stand in the source, or of its dataclass in `Annotated`."""
+    """Description and unit of a pydantic field, read from the source or from its dataclass in `Annotated`."""
     text = unit = ""
     for call in ast.walk(node):
         if not isinstance(call, ast.Call):

@@ -26,7 +26,7 @@ from sim.research.benchmark.strata import ALL
 SESSIONS, STOPS = ROOT / "docs/results/sessions.csv", ROOT / "docs/results/motion.md"
 FILLED = re.compile(r"(?P<old>[+−-]?\w[\w.-]*)(?P<share> %)?<!--= (?P<expression>.*?) -->")
 GAIN = 0.05
-"""From this reward on a world counts as one that gains."""
+"""The least gain of reward with which a world counts as one that gains."""
 
 Rewards = Mapping[str, float]
 """world -> mean reward of its sessions"""

@@ -26,11 +26,12 @@ from hw.types import Frame
 WINDOW_S = 20.0
 """A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
 LEAST_PAIRS = 15
-"""Half a second of images. With fewer, even the smallest difference may belong to a late image."""
+"""The images of half a second. With fewer images, the smallest difference may still be that of a late one."""
 JUMP_S = 0.02
-"""No image can arrive so much faster than the fastest of half a second: the device's clock has jumped ahead."""
+"""An image that arrives this much (s) before the fastest of half a second shows that the device's clock has jumped
+ahead."""
 PAUSE_S, PAUSE_PAIRS = 0.06, 8
-"""All of so many images in a row do not arrive so much later than the fastest: the device's clock has paused."""
+"""If this many images in a row all arrive this much (s) later than the fastest, the device's clock has paused."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Decides whether a stop worked, by the widths before and after it, and says so in a sentence.
 
-The Franka Hand may take a stop and go on (libfranka's issues 18, 28, 52 and 111), or answer it only once its fingers
-have arrived. So only the width that the hand reports afterwards says whether they stand.
+The Franka Hand may accept a stop and still move (libfranka's issues 18, 28, 52 and 111), or answer only once its
+fingers have arrived. So only the width that the hand reports afterwards shows whether they stand still.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The process that speaks to the arm, and does nothing else: `python -m hw.franka.player`.
 
 The SDKs hold Python's global lock while a motion runs, and the arm waits only a millisecond for an answer. So the arm
-has a process of its own, which knows no camera, no policy and no screen. The program calls it over a
-connection. While a motion runs, the program also writes to a pipe that it is alive (ALIVE) or wants a stop. Silence on
-the pipe, or its end, stops the motion too, so a program that hangs or was killed cannot keep the arm moving.
+has a process of its own, without camera, policy and screen. The program calls it over a connection. While a motion
+runs, the program also writes to a pipe that it is alive (ALIVE) or wants a stop. Silence on the pipe, or its end, stops
+the motion too, so a program that hangs or was killed cannot keep the arm moving.
 """
 
 from __future__ import annotations

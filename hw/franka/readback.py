@@ -24,7 +24,7 @@ def load_mismatch(state: SdkState, sent: Payload) -> str:
     body = Mass(sent.mass_kg, sent.com_F_m, sent.inertia_F_kg_m2)
     reported = (state.m_load, state.F_x_Cload, state.I_load)
     apart = _apart(reported, body, (LOAD_KG, LOAD_M, LOAD_KG_M2))
-    return apart and f"the arm was sent its load and reports another: {apart}; recover; if this stays, restart the arm"
+    return apart and f"the arm reports another load than it was sent: {apart}; recover; if this stays, restart the arm"
 
 
 def hand_mismatch(state: SdkState, hand: Mass) -> str:

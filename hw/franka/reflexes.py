@@ -184,7 +184,7 @@ REASONS: dict[str, Reflex] = {
 
 
 def reason(name: str) -> Reflex:
-    """The text for an error, also for one that only a later arm knows."""
+    """The text for an error, including errors that only newer arms report."""
     return REASONS.get(name) or Reflex(
         name.replace("_", " "),
         "this error is unknown to the program: look at the arm's page in Desk",

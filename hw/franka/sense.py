@@ -1,9 +1,9 @@
 """Checks that an arm's estimate of force is alive; otherwise nothing would stop a tool that presses too hard.
 
-Arms were reported whose estimate of external torques was exactly 0, or stood still. A live one shows two things without
-any contact. It has noise in every joint. And its errors (weight, friction, the gears' ripple) depend on the posture, so
-its mean differs between two postures by more than its noise explains. Zero is no such error: an estimate that does not
-follow the arm is dead, whatever its value.
+Arms were reported whose estimate of external torques was exactly 0, or stood still. A live estimate shows two things,
+even without contact. It has noise in every joint. And its errors (weight, friction, the gears' ripple) depend on the
+posture, so its mean differs between two postures by more than its noise explains. Zero is no such error: an estimate
+that does not follow the arm is dead, whatever its value.
 """
 
 from __future__ import annotations

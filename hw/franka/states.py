@@ -19,10 +19,11 @@ UNREAD_S = 0.02
 """Longest pause (computer's clock) after which the socket cannot be full: the state that comes next is the newest."""
 
 WAITED_SHARE = 0.3
-"""A state was waited for if it took at least this share of the time by which it is newer than the one before."""
+"""The program waited for a state if reading it took at least this share of the time between it and the state before."""
 
 WAITED_FOR = 3
-"""States waited for in a row, after which the socket is empty. A computer that stalls imitates one of them."""
+"""After waiting for this many states in a row, the socket is empty. A computer that stalls can imitate one such
+wait."""
 
 MOST_STATES = 2000
 CALM = ("Idle", "Move", "AutomaticErrorRecovery")

@@ -27,6 +27,7 @@ _NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a
 _SEEN = 0.35  # confidence from which a place counts
 _WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
 _STANDS_DEG = 4.0  # if a bottle at rest leans by more, its readings are wrong or it stands on something
+_FALL_DEG_S = 1200.0  # a bottle of 10 cm hits the table at sqrt(3 g / h) = 990°/s, and falls more slowly before
 _STEP = 3  # clutter is searched in every third row and column
 _OWN_M = 0.020  # readings this near to the bottle belong to it, or to its mixed edges
 _NEAR_M = 0.06
@@ -163,14 +164,25 @@ def _fell(t_s: Array, sure: Mask, tilt_deg: Array, state: Array) -> tuple[int, A
     """Index of the first frame from which on a fallen bottle leans too far, and the place (3,) at which a simulation
     would have noticed: between that frame and the one before, which may be 17 mm apart.
     """
-    stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
-    last = int(stands[-1]) if len(stands) else -1
-    fell = last + 1 + int(np.flatnonzero(sure[last + 1 :])[0])
+    last, fell = _fall_frames(sure, tilt_deg)
     if last < 0:
         return fell, state[fell]
     passed_s = np.interp(TIPPED_DEG, tilt_deg[[last, fell]], t_s[[last, fell]])
     share = (passed_s + _NOTICED_S - t_s[last]) / (t_s[fell] - t_s[last])
     return fell, state[last] + min(share, 1.0) * (state[fell] - state[last])
+
+
+def _fall_frames(sure: Mask, tilt_deg: Array) -> tuple[int, int]:
+    """Indices of the last frame in which a fallen bottle stands (-1: in none), and of the next one that shows it."""
+    stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
+    last = int(stands[-1]) if len(stands) else -1
+    return last, last + 1 + int(np.flatnonzero(sure[last + 1 :])[0])
+
+
+def _fall_deg_s(t_s: Array, sure: Mask, tilt_deg: Array) -> float:
+    """How fast a fallen bottle leans over between these two frames; 0 if it never stands."""
+    last, fell = _fall_frames(sure, tilt_deg)
+    return 0.0 if last < 0 else float((tilt_deg[fell] - tilt_deg[last]) / (t_s[fell] - t_s[last]))
 
 
 def _sight_flags(t_s: Array, places: Sequence[BottleFix], clutter: Sequence[_Clutter], sure: Mask) -> tuple[str, ...]:
@@ -210,6 +222,11 @@ def _end_flags(
             flags.append(
                 f"the bottle is still moving at the end ({1e3 * speed_m_s:.0f} mm/s): its resting place is unknown"
             )
+    if outcome is Outcome.TIPPED and (fall_deg_s := _fall_deg_s(t_s, sure, tilt_deg)) > _FALL_DEG_S:
+        flags.append(
+            f"outcome uncertain: the bottle seems to fall at {fall_deg_s:.0f}°/s, and none falls faster than "
+            f"{_FALL_DEG_S:.0f}°/s: the tracked object may be another one, or the camera was knocked"
+        )
     end_deg = tilt_deg[sure][-1]
     if abs(end_deg - TIPPED_DEG) < 10:
         flags.append(f"outcome uncertain: the bottle leans by {end_deg:.0f}°, {TIPPED_DEG:.0f}° count as tipped")

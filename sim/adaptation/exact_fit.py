@@ -29,7 +29,7 @@ LEAST_LEFT = 0.01
 """Least misfit that counts as left, in the tolerated deviations of a trajectory: less is rounding."""
 
 AT_EDGE = 1e-3
-"""Distance from the edge of the margin, as a share of it, below which a fit lies at the edge."""
+"""A fit lies at the edge of the margin if its distance from the edge is below this share of the margin."""
 
 DRAWN, GENERATIONS = 256, 4
 

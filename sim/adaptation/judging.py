@@ -141,7 +141,8 @@ def verdict_of(
     if forecast is not None and forecast.untried and not forecast.hopeless:
         reasons.append(Reason.UNTRIED)
     if forecast is None:
-        kind = _by_parameters(task, history, best, bool(reasons))
+        kind, further = _by_parameters(task, history, best, bool(reasons))
+        reasons += further
     else:
         kind = Kind.HOPELESS if forecast.hopeless else Kind.ENOUGH if forecast.done else Kind.GO_ON
     quality = None if forecast is None else _quality(history)
@@ -166,16 +167,27 @@ def _quality(history: Sequence[Iteration]) -> PredictionQuality | None:
     return prediction_quality(np.array([t.predicted for t in trials]), np.array([t.reward for t in trials]), latest)
 
 
-def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, is_inexpressible: bool) -> Kind:
-    """The kind of verdict for a method that only moves parameters."""
+FULL = 0.995
+"""Rewards from here on are shown as 1.00, the most that is possible."""
+
+
+def _by_parameters(
+    task: Task, history: Sequence[Iteration], best: Best, is_inexpressible: bool
+) -> tuple[Kind, list[Reason]]:
+    """The kind of verdict for a method that only moves parameters, and why."""
     if sum(len(entry.trials) for iteration in history for entry in iteration) < LEAST_TRIALS:
-        return Kind.TOO_FEW
+        return Kind.TOO_FEW, []
     if best.mean_reward < task.adaptation.threshold:
         is_stuck = len(history) >= 3 and not _improving(history)
-        return Kind.STAYS_LOW if is_inexpressible or is_stuck else Kind.NOT_CONVERGED
-    doing_well = _iteration_rewards(history)[-1] >= task.adaptation.threshold
-    is_settled = len(history) >= 2 and _settled(task, history)
-    return Kind.CONVERGED if is_settled and doing_well else Kind.NOT_CONVERGED
+        return (Kind.STAYS_LOW if is_inexpressible or is_stuck else Kind.NOT_CONVERGED), []
+    latest = trials_in(history[-1:])
+    if latest and all(trial.reward >= FULL for trial in latest):
+        return Kind.CONVERGED, [Reason.FULL]
+    if _iteration_rewards(history)[-1] < task.adaptation.threshold:
+        return Kind.NOT_CONVERGED, []
+    if len(history) < 2:
+        return Kind.NOT_CONVERGED, []
+    return (Kind.CONVERGED, []) if _settled(task, history) else (Kind.NOT_CONVERGED, [Reason.MOVING])
 
 
 def _iteration_rewards(history: Sequence[Iteration]) -> list[float]:

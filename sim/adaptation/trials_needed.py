@@ -38,7 +38,7 @@ DIFFERENCES = (0.1, 0.2, 0.4)
 """Gains over UDR for which the table says when they are shown."""
 
 ALIKE = 16
-"""Imagined sessions whose difference is nearest to the one in question, and which stand for it."""
+"""A difference is represented by this many imagined sessions whose differences are nearest to it."""
 
 _FUTURES = 400
 
@@ -197,7 +197,7 @@ def _world(simulators: Simulators, seed: int, number: int) -> ImaginedWorld:
 
 
 def needed(counts: Sequence[int | None]) -> TrialsNeeded:
-    """The trials that half, and four of five, of these sessions need; None: more than were played."""
+    """The trials that half and four fifths of these sessions need. None means more trials than were played."""
     return TrialsNeeded(half=_share(counts, 0.5), four_of_five=_share(counts, 0.8))
 
 

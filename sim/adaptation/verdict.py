@@ -21,7 +21,7 @@ class Kind(StrEnum):
     UNINFORMED = "uninformed"  # the predictions made before the trials say nothing about them
     TOO_FEW = "too_few"  # too few trials to judge
     NOT_CONVERGED = "not_converged"
-    CONVERGED = "converged"
+    CONVERGED = "converged"  # the parameters rest at a good reward, or no reward is left to gain
     STAYS_LOW = "stays_low"  # the reward is low, and more iterations do not help
     UNKNOWN = "unknown"  # the word of a newer version
 
@@ -37,6 +37,8 @@ class Reason(StrEnum):
     INEXPRESSIBLE = "inexpressible"  # no parameters in the ranges predict most trajectories
     FAILURES = "failures"  # many trials in a row earned nothing
     UNTRIED = "untried"  # no trial has confirmed a policy like this one
+    FULL = "full"  # every trial of the last iteration earned the most that is possible
+    MOVING = "moving"  # the reward is good, but the parameters moved by more than a step in the last iteration
 
 
 class Verdict(Record):
@@ -45,7 +47,7 @@ class Verdict(Record):
     kind: Kind = Field(description="go on or stop, and by which rule")
     reasons: tuple[Reason, ...] = Field(default=(), description="what else was found")
     reward: float = Field(description="estimated reward of the best policy")
-    ci95: tuple[float, float] = Field(description="95 % interval of that")
+    ci95: tuple[float, float] = Field(description="95 % interval of that reward")
     trials: int = Field(description="trials so far")
     strange: int = Field(description="trajectories that no parameters in the ranges predict")
     gain: float | None = Field(

@@ -1,6 +1,6 @@
 """Foods drawn by a rule instead of chosen: pieces of any size, shape and stiffness, on the edge of a real turner.
 
-The six foods of the paper are chosen ones. This rule draws from the ranges that edible pieces have, independently of
+The six foods of the paper were chosen. This rule draws from the ranges that edible pieces have, independently of
 Omega, and discards none.
 """
 

@@ -29,7 +29,9 @@ def rollout_in(world: World, context: Array, action: Array, task: Task | None = 
 
 
 def task_in(world: World, task: Task) -> Task:
-    """The task whose rollouts are those of the world, one by one: stacks would know nothing of its effects."""
+    """The task, with the rollouts of this world. They run one by one, because batched rollouts lack the world's
+    effects.
+    """
     simulate = partial(_simulate_in, world, None if library_of(task) is None else task)
     return replace(task, simulate=simulate, simulate_many=None)
 

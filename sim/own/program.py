@@ -156,8 +156,9 @@ class _Running:
 
         def read() -> None:
             assert process.stdout is not None
-            for line in process.stdout:
-                lines.put(line)
+            with process.stdout:  # nobody else closes it, because a file that is being read must stay open
+                for line in process.stdout:
+                    lines.put(line)
             lines.put(None)
 
         threading.Thread(target=read, name="program", daemon=True).start()
@@ -226,8 +227,6 @@ class _Running:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
         self.errors.close()
 
 

@@ -21,7 +21,7 @@ ROLES = {"p": "p", "params": "p", "parameters": "p", "context": "context", "acti
 """Name of an argument of the user's function -> its role."""
 
 MOST_TIMES = 200_000
-"""Of a rollout: more than any observation needs, and hundreds of them still fit into memory."""
+"""Largest number of times of a rollout. No observation needs more, and hundreds of such rollouts fit into memory."""
 
 _NO_TOOL = np.full(3, np.nan)
 

@@ -56,7 +56,7 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
         if report.ok:
             return path
         reason = _in_words(report.worst)
-    raise NotExecutable(f"no way leads there: {reason}")
+    raise NotExecutable(f"no path leads there: {reason}")
 
 
 def _in_words(worst: Worst) -> str:

@@ -71,7 +71,7 @@ class RenderPool(Protocol):
         """A future of the picture of one exposure; `rng` draws its noise. Its result may raise CameraError."""
 
     def close(self, *, finish: bool) -> None:
-        """End, once all requested pictures are rendered, or with the remaining ones cancelled."""
+        """End: with `finish`, after all requested pictures are rendered; otherwise the remaining ones are cancelled."""
 
 
 class ThreadPool:

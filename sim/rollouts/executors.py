@@ -15,7 +15,8 @@ from hw.computer import usable_cores
 from sim.rollouts.cluster import Warn, dask_cluster
 
 _WORKER = str(Path(__file__).with_name("worker.py"))
-"""Run by its path: a worker that unpickled one of our functions first might take a user's `sim` for ours."""
+"""Workers run this file by its path. Otherwise a worker that unpickles one of our functions could import a user's `sim`
+instead."""
 
 
 def simulating_executor(

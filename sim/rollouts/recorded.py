@@ -25,15 +25,16 @@ WIDENED = 1.0
 START_M = 0.10
 """How far from its known start an object may begin (m)."""
 _REST_SHARE, _REST_S = 0.01, 0.1
-"""An object at rest moves by less than this share of the range of observations in the last so many seconds."""
+"""An object is at rest if it moves by less than this share of the range of observations in the last seconds (the second
+value)."""
 ASIDE_M, _ASIDE_TRIALS = 0.03, 3
-"""Starts that lie aside of the known place by more than this in the median of so many trials, all alike, are those of
-another frame (m)."""
+"""If the starts of this many trials (the second value) all lie on the same side of the known place, by more than this
+median (m), the recordings use another frame."""
 _ALIKE = 0.002
 """Trajectories that differ by less than this share of the range of observations are the same."""
 _COPY, _COPIED_MOVES = 1e-4, 0.05
-"""Trajectories of moving objects (the second) that agree within the first at every observed moment are copies: shares
-of the range of observations."""
+"""Shares of the range of observations. Trajectories that move by more than the second and agree within the first at
+every observed moment are copies."""
 LEAST = 8
 """Least number of trials: four for a session of two particles with one trial each, four for the scores."""
 
@@ -138,7 +139,7 @@ class RecordedTrials:
         if len(track.t_s) < 2 or (np.diff(track.t_s) <= 0.0).any():
             after = next((float(t) for t, step in zip(track.t_s, np.diff(track.t_s), strict=False) if step <= 0.0), 0.0)
             raise RecordingsRefused(
-                f"trial {name}: its times must increase, from one sample to the next, and do not after {after:.4g} s"
+                f"trial {name}: its times must increase from one sample to the next, but do not after {after:.4g} s"
             )
         columns = max(task.observation.columns) + 1
         if track.state.shape[1] < columns:
@@ -294,7 +295,7 @@ def frame_aside(offsets_m: Sequence[Array | None]) -> str:
     return (
         f"in {len(starts)} trials the object begins {1e3 * aside_m:.0f} mm aside of its place, by ({1e3 * x_m:+.0f}, "
         f"{1e3 * y_m:+.0f}) mm in the median and always alike (limit {1e3 * ASIDE_M:.0f}): are x and y in the task's "
-        "frame? Subtract this offset if the object stood on its place"
+        "frame? Subtract this offset if the object stood at its place"
     )
 
 

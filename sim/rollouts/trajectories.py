@@ -17,18 +17,19 @@ from sim.tasks.task import Task
 SPIKE_M, SPIKE_M_S = 0.05, 3.0
 """No object leaves its way for a single sample by so much and this fast, and comes back."""
 _MOVED, _RESTS, _REST_S = 0.05, 0.01, 0.3
-"""An object has moved by more than the first share of the range of observations; it rests while it stays within the
-second for so long (s)."""
+"""An object has moved if it is displaced by more than the first share of the range of observations. It rests if it
+stays within the second share for this time (s)."""
 _DRAWS = 4
 WRONG_WAY_DEG = 30.0
-"""How far the direction from start to end may lie beside those of all simulations."""
+"""The most by which the direction from start to end may differ from those of all simulations."""
 DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
-"""In so many trials (the last) no object creeps alike and faster than the first (m/s), for so long (s), before it moves
-faster than the third (m/s) and as it rests."""
+"""If in this many trials (the last value) the objects creep alike, faster than the first value (m/s) for the second
+(s), both at rest and before they exceed the third (m/s), the positions drift."""
 _FAST_M_S, HELD_S = 0.3, 0.08
 """A place that is repeated for longer than this (s) between steps of a fast object (m/s) is not measured anew."""
 STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
-"""No friction stops an object faster (m/s²) than the first; its speed is that of so many steps, and so many follow."""
+"""Friction stops no object faster than the first value (m/s²). The speed is measured over this many steps, and as many
+follow."""
 HEIGHT_M = 0.10
 """How far from its known height an object may begin (m)."""
 
@@ -152,8 +153,8 @@ def _wrong_height(task: Task, track: ObjectTrack) -> str:
     if abs(z_m - height_m) <= HEIGHT_M:
         return ""
     return (
-        f"at time 0 the object's height is {z_m:.3f} m, and it begins at {height_m:.3f} m, limit {HEIGHT_M:g} m beside "
-        "it: is z in m, in the frame of the arm's base?"
+        f"at time 0 the object's height is {z_m:.3f} m, but the task's object begins at {height_m:.3f} m "
+        f"(at most {HEIGHT_M:g} m apart): is z in m, in the frame of the arm's base?"
     )
 
 

@@ -69,7 +69,9 @@ class CandidatePolicy(ABC):
 
     @abstractmethod
     def steps(self) -> Array | None:
-        """(L, a) from the best candidate to the points around it, in fractions of ranges; None: there is none."""
+        """(L, a) offsets from the best candidate to the points around it, in fractions of ranges; None if there are no
+        such points.
+        """
 
     @abstractmethod
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
@@ -77,11 +79,11 @@ class CandidatePolicy(ABC):
 
     @abstractmethod
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
-        """(A,) by which actions are chosen."""
+        """(A,) the values by which actions are chosen."""
 
     @property
     def prefers_interior(self) -> bool:
-        """Whether actions that look equal are told apart by their surroundings (`sim.solvers.interior`)."""
+        """Whether the surroundings decide between actions of almost equal value (`sim.solvers.interior`)."""
         return False
 
     def ranked(self, context: Array) -> tuple[Array, Array]:
@@ -180,7 +182,7 @@ class ScenarioPolicy(CandidatePolicy):
         return Outcomes(self.expectations.task, actions, predicted)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
-        """(A,) lower ends over the ensemble."""
+        """(A,) the mean reward of the ensemble minus `kappa` standard deviations."""
         rewards = outcomes.rewards(context)
         lower = np.asarray(rewards.mean(axis=0) - self.settings.kappa * rewards.std(axis=0))
         return lower.round(9) if self.local is None else lower

@@ -167,7 +167,7 @@ class InterpolatedPolicy(CandidatePolicy):
         return self.choices.local
 
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
-        """(A, S): of a failure as the nearest simulated action; the end state is interpolated."""
+        """(A, S): success is that of the nearest simulated action, and the end state is interpolated."""
         at = self._coordinates(actions, np.broadcast_to(self.task.simulated_in(context), (len(actions), len(context))))
         near = np.linalg.norm(at[:, None] - self._places, axis=-1).argmin(axis=1)
         ends = np.stack([interpolant(at) for interpolant in self._interpolants], axis=1)

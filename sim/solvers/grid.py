@@ -258,7 +258,7 @@ def grid_solver(task: Task) -> ListedActionSolver:
 
 
 def grid_of(task: Task, points: int, probes: Array) -> GridSolver:
-    """A grid of so many points, which fill the margin and the contexts that move things."""
+    """A grid of `points` points, which fill the margin and the contexts that change the physics."""
     p = len(task.margin)
     unit = sobol(points, p + len(task.physical_context), np.random.default_rng(0))
     draws = cover(task.nuisance, draws_of(task), np.random.default_rng(0))

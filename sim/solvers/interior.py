@@ -13,7 +13,7 @@ import numpy as np
 from hw.types import Array
 
 ALIKE = 0.02
-"""Actions whose worth lies within this of the best one look equal."""
+"""Actions whose value is at most this far below the best count as equally good."""
 
 LENGTH = 0.2
 """Standard deviation of the surroundings, in fractions of the ranges."""

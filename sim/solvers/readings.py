@@ -2,6 +2,7 @@
 
 A flipped axis, a turned frame, a film at another rate, a late clock, or trajectories that belong to other trials leave
 every value inside its range. But they contradict the simulator, which cannot reproduce such trials with any parameters.
+A mistake in only some trials is looked for in each trial alone.
 """
 
 from __future__ import annotations
@@ -24,6 +25,12 @@ MOST_TRIALS = 24
 """Of a larger table, so many trials are compared."""
 BETTER = 0.75
 """Another reading is right if its cost is less than this share of that of the table as it is written."""
+FAR, NEAR = 4.0, 1.5
+"""One trial alone is wrong if its misfit is more than the first times the limit of misfits as it is written, and less
+than the second times under another reading: no honest trial of drawn worlds is (`benchmarks/contradictions.py`).
+"""
+LISTED = 8
+"""Names of trials in a sentence."""
 _SHIFTS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 _FACTORS = (0.5, 2.0)
 _TURNS_DEG = (10.0, 20.0, 45.0, 90.0, 180.0)
@@ -39,6 +46,18 @@ class TableReading:
 
 def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
     """First the table as it is written, then every other reading of it."""
+    written, *others = _trial_readings(trials)
+    rows = written.observations
+    exchanged = (
+        TableReading("each trajectory belongs to the trial before it in the list", np.roll(rows, -1, axis=0)),
+        TableReading("each trajectory belongs to the trial after it in the list", np.roll(rows, 1, axis=0)),
+        TableReading("the trajectories belong to the trials in reversed order", rows[::-1]),
+    )
+    return (written, *others, *exchanged)
+
+
+def _trial_readings(trials: RecordedTrials) -> tuple[TableReading, ...]:
+    """Those of them that read every trial alone: first the table as it is written."""
     task, tracks = trials.task, trials.tracks
     times_s, columns = task.observation.times_s, list(task.observation.columns)
 
@@ -59,13 +78,7 @@ def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
         timed.append(observed(f"the clock starts {shift_s:g} s before the motion", 1.0, -shift_s, same))
         timed.append(observed(f"the clock starts {shift_s:g} s after the motion began", 1.0, shift_s, same))
     turned = [observed(words, 1.0, 0.0, change) for words, change in _frames(task)]
-    rows = written.observations
-    exchanged = [
-        TableReading("each trajectory belongs to the trial before it in the list", np.roll(rows, -1, axis=0)),
-        TableReading("each trajectory belongs to the trial after it in the list", np.roll(rows, 1, axis=0)),
-        TableReading("the trajectories belong to the trials in reversed order", rows[::-1]),
-    ]
-    return (written, *timed, *turned, *exchanged)
+    return (written, *timed, *turned)
 
 
 def _frames(task: Task) -> list[tuple[str, Callable[[Array, Array], Array]]]:
@@ -109,9 +122,14 @@ class ReadingFit:
 
 def doubt(expectations: Expectations, trials: RecordedTrials) -> str:
     """A sentence about the reading that fits the simulator of the task much better than the table as it is written,
-    with numbers and without a full stop; "" if there is none, or if the solver has no limit of misfits: one that
-    simulates would need thousands of rollouts.
+    of all trials or of some, with numbers and without a full stop; "" if there is none, or if the solver has no limit
+    of misfits: one that simulates would need thousands of rollouts.
     """
+    return table_doubt(expectations, trials) or trial_doubt(expectations, trials)
+
+
+def table_doubt(expectations: Expectations, trials: RecordedTrials) -> str:
+    """The sentence of `doubt` about a mistake that all trials have in common."""
     if not math.isfinite(expectations.misfit_limit):
         return ""
     if len(trials) > MOST_TRIALS:
@@ -125,6 +143,40 @@ def doubt(expectations: Expectations, trials: RecordedTrials) -> str:
             f"{written.fitting} of {n} as they are written (misfit {best.cost:.2f} instead of {written.cost:.2f})"
         )
     return ""
+
+
+def trial_doubt(expectations: Expectations, trials: RecordedTrials) -> str:
+    """The sentence of `doubt` about trials of which each alone contradicts its action, as it is written."""
+    if not math.isfinite(expectations.misfit_limit):
+        return ""
+    limit, rereadings = expectations.misfit_limit, dict[str, list[tuple[str, float, float]]]()
+    for i, name in enumerate(trials.names):
+        words, better, written = _best_reading(expectations, trials.some(np.array([i])))
+        if written > FAR * limit and better < NEAR * limit:
+            rereadings.setdefault(words, []).append((name, better, written))
+    if not rereadings:
+        return ""
+    words, rows = max(rereadings.items(), key=lambda pair: len(pair[1]))
+    better, written = np.median([row[1:] for row in rows], axis=0)
+    listed = ", ".join(row[0] for row in rows[:LISTED]) + (" and more" if len(rows) > LISTED else "")
+    which = f"{len(rows)} of {len(trials)} trials ({listed})" if len(trials) > 1 else f"trial {listed}"
+    return (
+        f"the simulator of {trials.task.name} fits {which} only if {words} (misfit {better:.2f} instead of "
+        f"{written:.2f}, limit {limit:.2f})"
+    )
+
+
+def _best_reading(expectations: Expectations, trial: RecordedTrials) -> tuple[str, float, float]:
+    """The reading of one trial, other than as it is written, that is nearest to the simulator with any parameters; its
+    misfit, and that of the trial as it is written.
+    """
+    paths = _paths(expectations, trial)[0]
+    written, *others = (
+        (float(np.sqrt(squares(expectations, reading.observations[0], paths).min())), reading.words)
+        for reading in _trial_readings(trial)
+    )
+    better, words = min(others)
+    return words, better, written[0]
 
 
 def _paths(expectations: Expectations, trials: RecordedTrials) -> Array:

@@ -1,4 +1,4 @@
-"""A library of trained policies. Its members act as the actions of their task.
+"""A library of trained policies. Its members take the place of the actions of their task.
 
 An action is the parameters that a policy was trained for. So everything that compares actions, such as the discrepancy
 of reality, measures the distance between what policies were trained for, in fractions of the ranges.

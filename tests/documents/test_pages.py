@@ -14,6 +14,7 @@ from pathlib import Path
 
 import cv2
 import pytest
+import session_film
 import typer
 from documents import FENCE, PAGES, ROOT, commands, every_command, parse, read, shown
 
@@ -178,6 +179,16 @@ def test_pictures_of_the_guide_are_small_and_shown(picture):
     assert image.shape[1] <= 1200
     assert picture.stat().st_size < 300_000
     assert f"figures/{picture.name})" in (DOCS / "guide/operators-guide.md").read_text(encoding="utf-8")
+
+
+def test_the_film_of_a_session_is_small_and_shown():
+    for path, most in session_film.MOST_BYTES.items():
+        assert 10_000 < path.stat().st_size <= most
+    film = cv2.VideoCapture(str(session_film.FILM))
+    assert 60.0 <= film.get(cv2.CAP_PROP_FRAME_COUNT) / film.get(cv2.CAP_PROP_FPS) <= 90.0
+    shown_in = {DOCS / "README.md": session_film.FILM, DOCS / "guide/operators-guide.md": session_film.POSTER}
+    for page, path in {**shown_in, ROOT / "README.md": session_film.SHORT}.items():
+        assert f"figures/{path.name}" in read(page)
 
 
 def test_every_document_that_the_code_names_exists():

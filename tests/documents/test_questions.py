@@ -27,7 +27,7 @@ QUESTIONS = (
     ("Which Python and system?", "README.md", "Install, ask, cite", "Python 3.11"),
     ("What is the licence?", "README.md", "Install, ask, cite", "Apache 2.0"),
     ("Where do I ask?", "README.md", "Install, ask, cite", "open an issue"),
-    ("What does adapting gain?", "README.md", "What it gains", "the mean reward rises from"),
+    ("What does adapting gain?", "README.md", "What it gains", "raise the mean reward from"),
     ("What is a particle?", CONCEPTS, "Six words", "an E that moves through a session"),
     ("Whose method is it?", "README.md", "How it works", "is ours"),
     ("What does a reward mean?", CONCEPTS, "The reward", "4 cm away"),

@@ -76,7 +76,7 @@ class Automatic:
         return self.rig.release.run("brings the board to its first place, slowly", others)
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
-        """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""
+        """Move to one posture, or skip it if no path leads there. Raises MotionRefused, HardwareError."""
         try:
             path = self.rig.ways.way(self.rig.arm.state().q_rad, self.q_rad[number])
         except NotExecutable as error:

@@ -45,7 +45,9 @@ def fitting_order(stored: files.Folder) -> str:
 
 
 def _choices(stored: files.Folder, names: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
-    """The sets of stated keys to read in the other order, small ones last: one program writes one order."""
+    """The sets of stated keys to read in the other order. Large sets come first, because one program writes all in one
+    order.
+    """
     stated = [key for key in names if any(getattr(view.record, key) is not None for view in stored.views)]
     for count in range(len(stated), 0, -1):
         yield from combinations(stated, count)

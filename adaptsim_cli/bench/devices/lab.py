@@ -66,10 +66,10 @@ class Lab(Protocol):
         """Arm and camera, connected, with `held` in the gripper; `cell` decides which motions are allowed."""
 
     def for_touch_off(self, cell: Workcell) -> TouchDevices:
-        """`cell` is with the tool. The arm does not move by itself."""
+        """The devices of a touch-off; `cell` includes the tool. The arm does not move by itself."""
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
-        """Have the stop button pressed during a slow swing, and keep the time and distance until rest beside the worst
+        """Ask for the stop button during a slow swing. Keep the time and distance until rest, with those of the worst
         case.
 
         Raises StoppedByOperator, MotionRefused, HardwareError.

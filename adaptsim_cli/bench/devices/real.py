@@ -122,7 +122,9 @@ class RealLab:
         return check.measure(lambda: arm.consent.operator)
 
     def check_stop_button(self, cell: Workcell) -> None:
-        """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
+        """Connect the arm. If a check of the stop button is due, ask the operator to press and release it. Raises
+        StoppedByOperator.
+        """
         arm = self._arm(cell, self._task.name, "nothing on the table", "")
         self._stack.enter_context(arm)
         arm.consent.stop_button(arm)
@@ -182,7 +184,7 @@ class RealLab:
         return self._stack.enter_context(hand)
 
     def _watch(self) -> ToolWatch | None:
-        """The watch over the tool; None if no hand holds it."""
+        """The watch that notices when the hand loses the tool; None if no hand holds it."""
         if self.rig.without_hand:
             return None
         task = self._task.name

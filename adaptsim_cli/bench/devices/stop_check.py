@@ -119,7 +119,7 @@ class StopCheck:
         """
         while True:
             path = swing(self.arm.state().q_rad, self.cell)
-            then = "The arm swings until you press the stop button. Enter lets nothing move."
+            then = "The arm swings until you press the stop button. Enter alone moves nothing."
             self.release.one(swinging(path), path.digest, then)
             if (stopped := self._swung(path)) is not None:
                 break

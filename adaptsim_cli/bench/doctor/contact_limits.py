@@ -18,7 +18,7 @@ from hw.dynamics import LINKS
 from hw.mass import Mass
 
 FINGER_M = 0.010
-"""Length of an edge that a contact covers, at least: about a finger's width."""
+"""The least length of an edge that a contact covers, about the width of a finger."""
 _CM2_M2 = 1e4
 
 

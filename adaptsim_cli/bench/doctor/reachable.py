@@ -46,7 +46,9 @@ def cameras(kind: str) -> list[Row]:
 
 
 def ports(dev: Path) -> list[Row]:
-    """The serial ports of USB devices in `dev`; an entry where the cable names the device."""
+    """The serial ports of USB devices in `dev`. A row has an entry of the rig file if the cable's name tells the
+    device.
+    """
     rows = []
     for port in readings.serial_ports(dev):
         part = next((kind for kind in (PEDAL, BALANCE) if readings.like([port], kind.cables)), None)

@@ -74,7 +74,7 @@ class Examined:
 
 Probe = Callable[[Examined], Finding]
 When = Callable[[Examined], str]
-"""Why a check is not made; empty: it is made."""
+"""The reason why a check is left out; empty if it is made."""
 
 
 @dataclass(frozen=True)

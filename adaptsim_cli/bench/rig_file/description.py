@@ -70,7 +70,9 @@ class Collision:
 
 @dataclass(frozen=True, config=RULES)
 class StartingPart:
-    """Bounds between the check of a motion and its first command; `adaptsim doctor --measure` proposes them."""
+    """Limits on the time between the check of a motion and its first command. `adaptsim doctor --measure` proposes
+    them.
+    """
 
     unwatched_s: Annotated[
         float, key("longest pause without a state of the arm", "s", ge=UNWATCHED_RANGE_S[0], le=UNWATCHED_RANGE_S[1])
@@ -318,7 +320,7 @@ class RigDescription:
         owners = dict[str, str]()
         for name, part in {"pedal": self.pedal, "balance": self.balance, **self.devices}.items():
             if part is not None and (owner := owners.setdefault(part.port, name)) != name:
-                raise ValueError(f"{owner} and {name} share the port {part.port!r}: each has its own")
+                raise ValueError(f"{owner} and {name} share the port {part.port!r}: each needs a port of its own")
 
     def in_force(self, today: date | None = None) -> tuple[WaiverPart, ...]:
         """The waivers that count today."""

@@ -46,7 +46,7 @@ class Answers:
 
     @property
     def prompt_screen(self) -> Screen | None:
-        """Where somebody answers before a motion; None: nobody, in the simulated lab."""
+        """The screen on which the operator answers before a motion; None in the simulated lab, where nobody answers."""
         return None if self.defaults else self.screen
 
     @property
@@ -107,7 +107,7 @@ class Answers:
             return False
         by = self.config.operator or self._typed("Who decides this? Your name; Enter waives nothing:")
         if not by:
-            self.screen.note("  Nothing is waived: a waiver has a name.")
+            self.screen.note("  Nothing is waived, because a waiver needs a name.")
             return False
         waiver = {"safeguard": what, "reason": reason, "by": by, "on": datetime.now(UTC).date().isoformat()}
         self.put(waivers=[*self.waivers_but(what), waiver], **without)

@@ -33,7 +33,7 @@ def arm(answers: Answers) -> None:
         "Name of the lab, in one word?",
         answers.rig.name,
         lambda name: {"name": name},
-        "The name stands in records and before each motion. It has no effect on any motion.",
+        "The name appears in records and before each motion. It has no effect on any motion.",
     )
     answers.take(
         "Address of the arm's control box?",
@@ -224,7 +224,7 @@ def table(answers: Answers) -> None:
 
 
 def _person(answers: Answers) -> None:
-    """The operator's side, which a task must not need."""
+    """Ask which side of the table belongs to the operator; no motion of a task may go there."""
     person_part = answers.rig.person
     if answers.rig.waives("person"):
         return
@@ -259,7 +259,7 @@ def _person(answers: Answers) -> None:
 
 
 def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
-    """The boxes one after the other, until there are no more."""
+    """Ask for one box after another, until the operator has no more."""
     for box in answers.rig.keep_out:
         answers.screen.plain(f"  box {box.name}: {as_typed(box.low_m)} to {as_typed(box.high_m)}")
     while (name := _next_box(answers)) != NOTHING:

@@ -79,7 +79,7 @@ class ForecastRecord(Record):
     """Whether the session is done, and the correction of the simulator's actions."""
 
     gain: float | None = optional("expected gain by another iteration, in records of earlier versions; else null")
-    likely: float | None = optional("chance that more than 0.05 is left to gain; the same")
+    likely: float | None = optional("chance of a further gain above 0.05, in records of earlier versions; else null")
     done: bool = described("two iterations are done and the last one confirmed its policy, or nothing may work")
     hopeless: bool = described("nothing in the ranges of the action is expected to work")
     correction: tuple[float, ...] = described(

@@ -38,7 +38,7 @@ def read_answer(content: bytes, question: Question) -> Answer:
             f"adaptsim = {answer.adaptsim}: this version of adaptsim reads answers of version {VERSION}"
         )
     if answer.trial != question.trial:
-        raise AnswerRefused(f"it is the answer to trial {answer.trial}, and trial {question.trial} was asked for")
+        raise AnswerRefused(f"it answers trial {answer.trial}, but trial {question.trial} was asked for")
     _require_one_kind(answer, question)
     return answer
 

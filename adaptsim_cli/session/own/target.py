@@ -30,7 +30,7 @@ from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import ActionImpossible, MomentsMissing, RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, copied, frame_aside, start_offset_m
 from sim.solvers.misfit import observed_share
-from sim.solvers.readings import doubt
+from sim.solvers.readings import table_doubt, trial_doubt
 from sim.tasks.library import library_of, main_file
 from sim.tasks.task import Expectations, Task
 from sim.types import Space
@@ -164,7 +164,7 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """A mistake that this trial and those before it have in common, because they contradict their actions."""
+        """A mistake of this trial, or one that it and those before it have in common: they contradict their actions."""
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")
@@ -172,25 +172,33 @@ class OwnTarget:
                 earlier, its_question = exchange.answer(), exchange.question()
                 if earlier is not None and its_question.trial < question.trial and earlier.t_s is not None:
                     answers.append((track_of(earlier, its_question, task), its_question))
-        contexts = [
-            np.array([one_question.context[name] for name in task.context.names]) for _, one_question in answers
-        ]
-        pairs = list(zip(answers, contexts, strict=True))
         self._require_new(answers)
-        aside = frame_aside([start_offset_m(task, one, context) for (one, _), context in pairs])
-        if aside or self.expectations is None or len(answers) not in COMPARED_AT:
-            return (aside,) if aside else ()
-        with suppress(RecordingsRefused):
-            trials = RecordedTrials(
-                task,
-                tuple(f"{one_question.trial}" for _, one_question in answers),
-                np.array(contexts),
-                np.array([action_of(one_question, task) for _, one_question in answers]),
-                tuple(one for one, _ in answers),
-            )
-            if sentence := doubt(self.expectations, trials):
-                return (f"so far the answers contradict their actions: {sentence}",)
+        pairs = [(one, _context_of(its_question, task)) for one, its_question in answers]
+        if aside := frame_aside([start_offset_m(task, one, context) for one, context in pairs]):
+            return (aside,)
+        if self.expectations is None:
+            return ()
+        checks = [(answers[:1], trial_doubt, "this answer contradicts its action")]
+        if len(answers) in COMPARED_AT:
+            checks.insert(0, (answers, table_doubt, "so far the answers contradict their actions"))
+        for some, check, words in checks:
+            with suppress(RecordingsRefused):
+                if sentence := check(self.expectations, self._as_table(some)):
+                    return (f"{words}: {sentence}",)
         return ()
+
+    def _as_table(self, answers: Sequence[tuple[ObjectTrack, Question]]) -> RecordedTrials:
+        """The answers as recorded trials, without those that repeat an action. Raises RecordingsRefused."""
+        rows = list(
+            {action_of(question, self.task).tobytes(): (track, question) for track, question in answers}.values()
+        )
+        return RecordedTrials(
+            self.task,
+            tuple(f"{question.trial}" for _, question in rows),
+            np.array([_context_of(question, self.task) for _, question in rows]),
+            np.array([action_of(question, self.task) for _, question in rows]),
+            tuple(track for track, _ in rows),
+        )
 
     def _require_new(self, answers: Sequence[tuple[ObjectTrack, Question]]) -> None:
         """Raises AnswerRefused if the first answer has the trajectory of another one, although their actions differ."""
@@ -250,9 +258,12 @@ class OwnTarget:
         return self.task.context.normalise(context), self.task.action.normalise(action)
 
     def _note_impossible(self, question: Question) -> None:
-        context = np.array([question.context[name] for name in self.task.context.names])
-        action = np.array([(question.action or {})[name] for name in self.task.action.names])
-        self._impossible.append(self._normalised(context, action))
+        self._impossible.append(self._normalised(_context_of(question, self.task), action_of(question, self.task)))
+
+
+def _context_of(question: Question, task: Task) -> Array:
+    """(c,) the context of a trial, in units."""
+    return np.array([question.context[name] for name in task.context.names])
 
 
 def _policy_of(task: Task, action: Array) -> PolicyFile | None:

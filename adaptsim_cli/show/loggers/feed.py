@@ -114,7 +114,7 @@ def keep_new(store: SessionStore, logger: SessionLogger, keys: set[str]) -> None
 
 
 def _of_trial(trial: TrialRecord) -> dict[str, float]:
-    """Numbers of a trial; while a person must not know whose policy acted, without its parameters and prediction."""
+    """The numbers of a trial, without parameters and prediction while a person must not know which policy acted."""
     values = {"reward": trial.reward}
     groups = {"context": trial.context, "action": trial.action}
     if not trial.is_blind:

@@ -57,7 +57,7 @@ METHODS: Mapping[str, MethodKind] = {
 
 
 def kind_of(name: str) -> MethodKind:
-    """The declaration of a method. A method of a package, or one registered here, has the default declaration."""
+    """The declaration of a method. Methods of other packages and registered methods have the default one."""
     return METHODS.get(name, MethodKind())
 
 

@@ -2,10 +2,9 @@
 
 `OutcomePosterior` describes all possible realities. The first particle takes the action with the highest expected
 reward, whether or not any E proposes it, and the surer one if two earn the same. The other particles explore actions
-that may earn still more; they explore less with every iteration, and the last ones confirm. While every trial
-has failed, nothing can be lost, and the surer action would be the surer failure: then all of them explore. A particle
-shows the E with the policy that is expected to earn most. The correction is the difference between that policy and the
-actions of the particle.
+that may earn still more; they explore less with every iteration, and the last ones confirm. As long as every trial has
+failed, nothing can be lost, so all particles explore. A particle shows the E with the policy that is expected to earn
+most. The correction is the difference between that policy and the actions of the particle.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class AdaptSim:
         return self._particles([], n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Deterministic; the particles' earlier places do not matter."""
+        """The next particles. They do not depend on `rng`, nor on the earlier places of the particles."""
         return self._particles(history, len(history[-1]))
 
     def policy(

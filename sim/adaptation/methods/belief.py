@@ -1,7 +1,7 @@
 """AdaptSim by inference: infers the true parameters from all trajectories, and the E that would earn most there.
 
-The paper's adaptation policy learns from thousands of sessions in which direction to move E. An emulator that answers
-in microseconds allows to ask the question directly, for all trials at once and without a fixed step:
+The paper's adaptation policy learns from thousands of sessions in which direction to move E. With an emulator that
+answers in microseconds, the question can be asked directly, for all trials at once and without a fixed step:
 
 1. Each trajectory weighs candidate parameters by how well the emulator explains it there.
 2. The expected reward of an E is the mean of its row of the reward table (`RewardTable`) under these weights.
@@ -53,7 +53,7 @@ class AdaptSimBelief:
         return TrajectoryLikelihood(self.expectations, self.reward_table.truths, self.reward_table.prior)
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The E that earns most over all the truths there may be, and others that may earn more."""
+        """The E with the highest expected reward over all possible true parameters, and others that may earn more."""
         return self._best([], n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:

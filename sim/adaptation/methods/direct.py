@@ -42,10 +42,10 @@ DIFFERENCE = 0.02
 """Step of a difference quotient, as a fraction of the margin: above the noise of a contact solver."""
 
 LEAST_LEFT = 0.01
-"""Least misfit that counts as left, in the tolerated deviations of a trajectory: less is rounding."""
+"""Smallest misfit that counts as more than rounding, in units of the tolerated deviation of a trajectory."""
 
 DRAWS = 256
-"""Draws that stand for a posterior."""
+"""Number of draws that represent a posterior."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Direct:
@@ -73,7 +73,9 @@ class LaplaceFit:
 
 @dataclass(frozen=True, eq=False)
 class NearFit:
-    """Trajectories of executed trials for parameters near a fit: the rollout if there is one, else linear in them."""
+    """Trajectories of executed trials for parameters near a fit. Without a rollout for the parameters, they are linear
+    in them.
+    """
 
     solver: DirectSolver
     best: Array  # (p,) in fractions of the margin

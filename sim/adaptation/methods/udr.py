@@ -26,7 +26,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
 
 
 def udr_policies(solver: Solver, rng: np.random.Generator, count: int = DRAWS) -> tuple[SolvedPolicy, ...]:
-    """`count` policies for all of Omega, from different draws; the reward of UDR is their mean.
+    """`count` policies for all of Omega, trained from different draws. The reward of UDR is the mean of their rewards.
 
     Over Omega many actions earn the same, and the solver's choice among them is arbitrary. In one target they may
     differ as much as success and failure.

@@ -87,8 +87,8 @@ class SimulatedTrials:
 
 @dataclass(frozen=True, eq=False)
 class TableTrials:
-    """A `TrialSource` that looks up the rollout of a table whose executed action, and context where it moves things, is
-    nearest, in fractions of ranges.
+    """A `TrialSource` that looks up rollouts in a table. It takes the one with the nearest executed action, in
+    fractions of ranges, and with the nearest context if that changes the physics.
     """
 
     task: Task

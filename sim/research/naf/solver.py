@@ -29,7 +29,8 @@ from sim.solvers.simulated import FromSimulator
 from sim.tasks.task import Executable, ReuseRules, SolverSettings, Task
 
 MISFIT_TRIALS = 32
-"""Simulated trials that measure the distance of one to the nearest of `sim.solvers.misfit.DRAWS` others."""
+"""Number of simulated trials, each of which measures its distance to the nearest of `sim.solvers.misfit.DRAWS`
+others."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,9 @@ class KnownPolicies:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[SolvedPolicy, ...]:
-        """See `Policies`; a session always draws alike (`policy_for`)."""
+        """See `Policies`. Equal samples get the same policy, because a session always uses the same draws
+        (`policy_for`).
+        """
         key = samples.tobytes()
         if key not in self._solved:
             self._solved[key] = self.solver.policies(samples, rng, executable, settings)

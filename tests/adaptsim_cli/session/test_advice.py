@@ -130,6 +130,13 @@ def test_the_next_commands_follow_from_the_kind(kind, iteration, expected):
     assert steps(found(kind), iteration) == expected
 
 
+def test_a_verdict_on_moving_parameters_says_what_is_good_and_what_is_not_yet():
+    good = in_words(found(Kind.NOT_CONVERGED, Reason.MOVING), "piece")
+    assert good.startswith("Not converged yet: ") and "the rewards are good, but the parameters still moved" in good
+    full = in_words(found(Kind.CONVERGED, Reason.FULL), "piece")
+    assert full.startswith("Converged: ") and full.endswith("earned 1.00, so nothing is left to gain.")
+
+
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [

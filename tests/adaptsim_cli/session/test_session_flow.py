@@ -15,6 +15,7 @@ from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summar
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import REJECTED, run_iteration
+from adaptsim_cli.session.folders import OVERLAY
 from adaptsim_cli.session.operator import Review, Unattended
 from adaptsim_cli.session.records import Draw, MotionRecord, generator
 from adaptsim_cli.session.results import TOTAL
@@ -101,6 +102,9 @@ def test_unattended_a_misplaced_object_ends_in_an_error_after_five_attempts_and_
         run_iteration(session)
     assert lab.executions == [(1, 0)]
     assert session.store.existing().completed == {TrialKey(1, 0)}
+    picture = session.store.folder / OVERLAY
+    assert picture.read_bytes().startswith(b"\xff\xd8"), "the camera's picture, as JPEG"
+    assert said(session.screen).count(f"The camera's picture: {picture}") == 5
 
 
 def test_a_refused_motion_is_not_executed(tmp_path):

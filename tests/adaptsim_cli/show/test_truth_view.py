@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
+from rich.console import Console
 
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
 from adaptsim_cli.show import figures, truth_view
@@ -26,6 +29,15 @@ def test_values_are_said_in_plain_units():
     assert truth_view.row(SHAPE) == ("shape", "cylinder", "ellipsoid, cylinder", "cylinder 72 %, box 28 %")
     assert truth_view.row(STIFF) == ("stiffness", "1 MPa *", "10 to 500 kPa", "20 to 800 kPa")
     assert truth_view.row(PATCH) == ("patch", "−0.9 mm", "−0.100 to 0.100 m", "no interval")
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_a_number_in_the_table_never_loses_its_percent_sign(width: int):
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(truth_view.table(shown(0.4, parameters=[SHAPE, STIFF])))
+    assert "cylinder 72 %" in capture.get()
+    assert "box 28 %" in capture.get()
 
 
 def test_a_category_has_no_order_so_its_belief_is_the_chance_of_each_word():

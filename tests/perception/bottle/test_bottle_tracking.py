@@ -81,6 +81,18 @@ def test_a_fall_is_followed_in_any_direction(heading: float) -> None:
     assert found.outcome is Outcome.TIPPED
     assert np.percentile(off_mm[found.t_s < past_s], 90) < 1.5
     assert off_mm.max() < 5.0  # one frame of a bottle that turns at several rad/s says where it fell
+    assert not any("seems to fall" in flag for flag in found.flags)
+
+
+def test_a_fall_within_one_frame_is_doubted() -> None:
+    """As if the camera was knocked, and another thing was followed from then on."""
+
+    def snaps(t: float) -> Array:
+        return leaning(np.array([0.56 + 0.1 * min(t, 0.4), 0.0]), 0.0 if t < 0.3 else 1.55, 0.5)
+
+    found = track(film(snaps))
+    assert found.outcome is Outcome.TIPPED
+    assert any(flag.startswith("outcome uncertain: the bottle seems to fall at 13") for flag in found.flags)
 
 
 def test_a_fallen_bottle_counts_as_where_it_fell_however_it_rolls() -> None:

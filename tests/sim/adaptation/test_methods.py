@@ -297,6 +297,20 @@ def test_the_verdict_follows_from_the_data():
     assert judged(session(far, [PARAMETERS.low, PARAMETERS.low])).kind is Kind.STAYS_LOW
 
 
+def test_good_rewards_are_said_to_be_good_whether_or_not_the_parameters_rest():
+    def earning(reward, step):
+        mean = PARAMETERS.step(MEAN, np.array([step, 0, 0, 0]), 0.15)
+        (part,) = session(MEAN, [mean, mean], iterations=1)
+        return tuple(replace(s, trials=tuple(replace(t, reward=reward) for t in s.trials)) for s in part)
+
+    good = [earning(0.9, 0), earning(0.9, 0)]
+    assert (judged(good).kind, judged(good).reasons) == (Kind.CONVERGED, ())
+    moving = judged([*good, earning(0.9, 2)])
+    assert (moving.kind, moving.reasons) == (Kind.NOT_CONVERGED, (Reason.MOVING,))
+    full = judged([*good, earning(1.0, 2)])
+    assert (full.kind, full.reasons) == (Kind.CONVERGED, (Reason.FULL,))
+
+
 def test_a_policy_that_nobody_has_tried_is_never_enough():
     history = session(MEAN, [MEAN])
     forecast = SessionForecast(0.9, (0.7, 1.0), 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2))

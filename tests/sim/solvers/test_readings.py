@@ -13,7 +13,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.readings import doubt
+from sim.solvers.readings import doubt, table_doubt, trial_doubt
 from sim.tasks import get_task
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.solver import LqrSolver
@@ -82,3 +82,21 @@ def test_pushes_in_another_frame_or_at_another_rate_are_named(times: float, R: A
     sentence = doubt(load_checkpoint(trials.task, usual_checkpoint(trials.task)).solver, trials)
     assert words in sentence
     assert bool(sentence) == bool(words)
+
+
+def test_only_the_trials_that_are_wrong_are_named() -> None:
+    sound = pushes()
+    solver = load_checkpoint(sound.task, usual_checkpoint(sound.task)).solver
+    turned = changed(sound, R=np.array([[0.0, -1.0], [1.0, 0.0]])).tracks
+    some = replace(sound, tracks=(*sound.tracks[:3], turned[3], *sound.tracks[4:7], turned[7], *sound.tracks[8:]))
+    assert table_doubt(solver, some) == ""
+    assert "fits 2 of 10 trials (3, 7) only if the states are turned by -90° about z" in doubt(solver, some)
+
+
+def test_one_trial_alone_is_compared_with_its_action() -> None:
+    sound = pushes()
+    solver = load_checkpoint(sound.task, usual_checkpoint(sound.task)).solver
+    one = np.array([4])
+    assert trial_doubt(solver, sound.some(one)) == ""
+    fast = changed(sound, times=0.5).some(one)
+    assert "fits trial 4 only if the times are multiplied by 2 (misfit" in trial_doubt(solver, fast)

@@ -6,6 +6,7 @@ import inspect
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,7 @@ def conditions_of(declared: Any, path: str, names: tuple[str, ...], ends: Space 
         if (takes := _required(holds)) != 1:
             raise TaskError(f"outcomes[{word!r}] takes {takes} arguments: it must take the end of a trial alone")
         for end in tried:
-            with user_code(path, lambda failure, word=word: f"outcomes[{word!r}] {failure}"):
+            with user_code(path, partial("{} {}".format, f"outcomes[{word!r}]")):
                 bool(holds(Values("end", dict(zip(names, end.tolist(), strict=True)))))
     return declared
 

@@ -17,15 +17,7 @@ from hw.collision import KeepOut, Table, Tool
 from hw.errors import ArmFault, MotionRefused
 from hw.joint_limits import LIMITS, JointLimits
 from hw.kinematics import JOINTS
-from hw.limits import (
-    LimitReport,
-    Worst,
-    contact_checks,
-    geometry_checks,
-    joint_checks,
-    refuse_beyond,
-    start_check,
-)
+from hw.limits import LimitReport, Worst, contact_checks, geometry_checks, joint_checks, refuse_beyond, start_check
 from hw.motion_limits import MotionLimits, contact_torque_check
 from hw.types import LARGEST_N, Array, JointPath, frozen_array, number
 

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 
 from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import Film, KeyMoment
 from hw.poses import inverse
 from hw.types import Array, CameraModel, ContactWindow, Frame
 from perception.types import ObjectTrack, Outcome
 
-FILM = "film.jpg"
 COLUMNS, ROWS = 6, 4
 """Columns and rows of small pictures on a sheet, in the order of reading."""
 MOST_BYTES = 220_000

@@ -18,26 +18,19 @@ import numpy as np
 
 from adaptsim_cli.errors import AnswerAwaited, SessionError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.outputs.trials import (
-    IterationOutput,
-)
+from adaptsim_cli.screen.outputs.trials import IterationOutput
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import check_first
 from adaptsim_cli.session.control import ControlPolicy, is_hidden, policy_of_trial
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
-from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.history import history_of, left_s, particles_of, result_of
 from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
-from adaptsim_cli.session.records import (
-    Draw,
-    MotionRecord,
-    generator,
-    now,
-)
+from adaptsim_cli.session.records import Draw, MotionRecord, generator, now
 from adaptsim_cli.session.results import iteration_result
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary

@@ -11,9 +11,7 @@ from pathlib import Path
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import (
-    SessionFacts,
-)
+from adaptsim_cli.session.records import SessionFacts
 from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
@@ -22,6 +20,8 @@ REPORT = "report.html"
 """The page of a session."""
 OVERLAY = "overlay.jpg"
 """The camera's finding before a motion: in the folder of its trial, and the latest one in that of the session."""
+FILM = "film.jpg"
+"""The small pictures of a trial, on one sheet, in its folder."""
 QUESTIONS = "questions"
 """The folder of the questions to a robot of one's own, and of their answers."""
 SOLVER, FORMER_SOLVER = "solver", "naf"

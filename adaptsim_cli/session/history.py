@@ -9,10 +9,7 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen.console import ANSWERING
-from adaptsim_cli.session.records import (
-    ResultRecord,
-    TrialRecord,
-)
+from adaptsim_cli.session.records import ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial

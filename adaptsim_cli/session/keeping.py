@@ -25,15 +25,7 @@ from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verif
 from adaptsim_cli.session import records
 from adaptsim_cli.session.about import ABOUT, About, about
 from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files, session_parts, solver_folder
-from adaptsim_cli.session.records import (
-    Amendment,
-    MotionRecord,
-    Note,
-    Pruned,
-    ResultRecord,
-    Started,
-    TrialRecord,
-)
+from adaptsim_cli.session.records import Amendment, MotionRecord, Note, Pruned, ResultRecord, Started, TrialRecord
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, readable
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked

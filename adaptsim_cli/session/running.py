@@ -28,10 +28,7 @@ from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.readiness import require_ready
-from adaptsim_cli.session.records import (
-    ROLLOUT,
-    SessionFacts,
-)
+from adaptsim_cli.session.records import ROLLOUT, SessionFacts
 from adaptsim_cli.session.same_parts import same_parts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.records import (
-    SessionFacts,
-)
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 

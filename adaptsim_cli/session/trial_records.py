@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_observed, as_row, named
 from adaptsim_cli.session.live_trial import Motion, PlannedTrial, TrackedTrial
-from adaptsim_cli.session.records import (
-    MotionRecord,
-    TrialRecord,
-)
+from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.stages import RunTrial

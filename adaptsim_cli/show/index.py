@@ -16,8 +16,7 @@ from urllib.parse import quote
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.session.about import about
-from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.folders import REPORT, names
+from adaptsim_cli.session.folders import FILM, REPORT, names
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show.comparison import ComparedSession, compared_session, interval_over
 from adaptsim_cli.storage import durable

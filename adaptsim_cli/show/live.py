@@ -15,7 +15,7 @@ import cv2
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, TrialRecord

@@ -22,17 +22,10 @@ from adaptsim_cli.session.advice import (
     in_words,
 )
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
-from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.folders import OVERLAY, REPORT
+from adaptsim_cli.session.folders import FILM, OVERLAY, REPORT
 from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
-from adaptsim_cli.session.records import (
-    DimensionRecord,
-    KeyMoment,
-    ResultRecord,
-    SessionFacts,
-    TrialRecord,
-)
+from adaptsim_cli.session.records import DimensionRecord, KeyMoment, ResultRecord, SessionFacts, TrialRecord
 from adaptsim_cli.session.store import Change, SessionStore
 from adaptsim_cli.show import figures, truth_view
 from adaptsim_cli.show.agreement import agreement

@@ -13,7 +13,7 @@ from adaptsim_cli.config import is_simulated
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen import log
 from adaptsim_cli.screen.log import LogLine
-from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore

@@ -18,15 +18,7 @@ from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.identity import TITLES, identify, narrowed, unsure
-from hw.franka.motions import (
-    READINGS,
-    WHY,
-    StopReport,
-    arm_stop,
-    from_held,
-    require_declared,
-    stop_report,
-)
+from hw.franka.motions import READINGS, WHY, StopReport, arm_stop, from_held, require_declared, stop_report
 from hw.franka.playback import PlayableMotion, Timing, motion_of
 from hw.franka.process import Player, PlayerProcess
 from hw.franka.sense import ForceSense

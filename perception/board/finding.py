@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.detection import (
-    detect,
-    in_a_row,
-    in_grey,
-    is_flat,
-    locate,
-    read_markers,
-    require_size,
-)
+from perception.board.detection import detect, in_a_row, in_grey, is_flat, locate, read_markers, require_size
 from perception.board.targets import Chessboard, Circles, Markers
 from perception.board.types import Board, CalibrationTarget, Corners
 from perception.errors import BoardNotFound

@@ -14,16 +14,7 @@ from pathlib import Path
 from adaptsim_cli.config import FLAG, PERSON, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.trust import (
-    PROGRAM,
-    UNREAD,
-    FileClaim,
-    NotCovered,
-    Trust,
-    contents,
-    require,
-    settings_claims,
-)
+from adaptsim_cli.trust import PROGRAM, UNREAD, FileClaim, NotCovered, Trust, contents, require, settings_claims
 
 _BETWEEN = re.compile(r"[\s=:;,'\"|&<>(){}]+")
 

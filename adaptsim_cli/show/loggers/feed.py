@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import check_first, in_words
-from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.history import played_of, results_of
 from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord

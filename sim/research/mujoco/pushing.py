@@ -37,12 +37,7 @@ from sim.tasks.pushing.params import (
 )
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rollout import course_of, track_of
-from sim.tasks.pushing.scene import (
-    DISSIPATION_S_M,
-    SLOSH_DAMPING_RATIO,
-    SLOSH_LIMIT_M,
-    SLOSH_RAD_S,
-)
+from sim.tasks.pushing.scene import DISSIPATION_S_M, SLOSH_DAMPING_RATIO, SLOSH_LIMIT_M, SLOSH_RAD_S
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.gravity import gravity_m_s2
 from sim.tasks.shared.readings import Course, Readings

@@ -10,10 +10,7 @@ from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.reward_table import RewardTableSettings
 from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings
-from sim.research.pretraining.meta_training import (
-    MetaSettings,
-    gate_distributions,
-)
+from sim.research.pretraining.meta_training import MetaSettings, gate_distributions
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks.task import Task
 

@@ -33,25 +33,13 @@ from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
-from sim.research.pretraining.dataset_share import (
-    STAGES,
-    agree_on_plan,
-    denser,
-    read_report,
-    stage_seeds,
-)
+from sim.research.pretraining.dataset_share import STAGES, agree_on_plan, denser, read_report, stage_seeds
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.grid_stage import grid_rollouts, grid_tensors, trained
 from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.research.pretraining.logs import StageTimer, curve_file
-from sim.research.pretraining.meta_training import (
-    CURVE,
-    Gate,
-    MetaSettings,
-    learning_gate,
-    train_adaptation,
-)
+from sim.research.pretraining.meta_training import CURVE, Gate, MetaSettings, learning_gate, train_adaptation
 from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.cost import measured_cost
 from sim.rollouts.dataset import build_dataset

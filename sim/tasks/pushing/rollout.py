@@ -16,14 +16,7 @@ from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.hardware import SceneBodies
 from sim.tasks.pushing.bottle import on_table, rest_pose
-from sim.tasks.pushing.params import (
-    BOTTLE_RADIUS_M,
-    GOAL_SCALE_M,
-    TIPPED_RAD,
-    PushingUnmodelled,
-    goal_m,
-    time_step_s,
-)
+from sim.tasks.pushing.params import BOTTLE_RADIUS_M, GOAL_SCALE_M, TIPPED_RAD, PushingUnmodelled, goal_m, time_step_s
 from sim.tasks.pushing.plan import plan
 from sim.tasks.shared.carriage import Compliance, drive_of
 from sim.tasks.shared.readings import Course, Moment, Readings, read, reading_before_s

@@ -26,15 +26,7 @@ from sim.tasks.scooping.params import (
 from sim.tasks.scooping.piece import piece_of, sink_m
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.shared.carriage import Compliance, Drive, drive_of
-from sim.tasks.shared.readings import (
-    READ_EVERY_S,
-    Course,
-    Moment,
-    Readings,
-    object_in_tool_m,
-    read,
-    reading_before_s,
-)
+from sim.tasks.shared.readings import READ_EVERY_S, Course, Moment, Readings, object_in_tool_m, read, reading_before_s
 from sim.types import ToolMotion
 
 if TYPE_CHECKING:

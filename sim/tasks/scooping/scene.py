@@ -25,13 +25,7 @@ from pydrake.multibody.tree import (
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.tasks.hardware import SceneBodies
-from sim.tasks.scooping.params import (
-    CORNER_M,
-    EDGE_M,
-    PARAMETERS,
-    PIECE_DENSITY_KG_M3,
-    ScoopingUnmodelled,
-)
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, PARAMETERS, PIECE_DENSITY_KG_M3, ScoopingUnmodelled
 from sim.tasks.scooping.piece import Piece, blade, piece_of
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.spatula import (

@@ -21,7 +21,7 @@ from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.about import ABOUT
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.folders import entries, names, own_files, size_bytes
+from adaptsim_cli.session.folders import OVERLAY, entries, names, own_files, size_bytes
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import to_json
@@ -138,9 +138,12 @@ def test_a_bundle_holds_records_and_pictures_only_if_asked(root, tmp_path, pictu
 
 
 def files_of(root: Path) -> list[Path]:
-    """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, and the lock."""
+    """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, the lock, and the
+    picture of the latest search, which the next one replaces.
+    """
     files = [path for path in (root / NAME).rglob("*") if path.is_file() and not path.name.startswith(".")]
-    return sorted(path for path in files if path.name not in ("report.html", "log.jsonl"))
+    left_out = {root / NAME / name for name in ("report.html", "log.jsonl", OVERLAY)}
+    return sorted(set(files) - left_out)
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from adaptsim_cli.bench.rig import Recording, Tracker, TrackRequest
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
-from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.flow import RunningSession, run_iteration
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.operator import Attended, Choices, Review, Unattended
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore

@@ -17,7 +17,8 @@ from toy_rig import MODEL, X_BC
 from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, topics
-from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
+from adaptsim_cli.session.film import COLUMNS, MOST_BYTES, ROWS, Filmed
+from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.store import SessionStore
 from hw.bounded import decode_image
 from hw.poses import inverse

@@ -41,7 +41,7 @@ FAULTS: dict[str, tuple[str, str]] = {
     "unknown key": (printing(answer(pose=1)), "pose"),
     "a reward": (printing(answer(reward=1.0)), "reward"),
     "no trial": (printing(answer(trial=None)), "trial"),
-    "wrong trial": (printing(answer(trial=7)), "the answer to trial 7, and trial 1 was asked for"),
+    "wrong trial": (printing(answer(trial=7)), "it answers trial 7, but trial 1 was asked for"),
     "newer": (printing(answer(adaptsim=2)), "adaptsim = 2: this version"),
     "nothing observed": (printing(answer(t_s=None, state=None)), "t_s and state are missing, and end too"),
     "no times": (printing(answer(t_s=None)), "t_s is missing"),

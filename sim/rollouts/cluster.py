@@ -44,7 +44,11 @@ def dask_cluster(scheduler: str, warn: Warn = lambda sentence: None) -> Iterator
     except (OSError, ValueError) as error:
         raise ClusterUnavailable(f"no Dask scheduler answers at {scheduler}: {_brief(error)}") from error
     try:
-        yield _DaskExecutor(client, scheduler, _unlike_workers(client, scheduler), warn)
+        executor = _DaskExecutor(client, scheduler, _unlike_workers(client, scheduler), warn)
+        try:
+            yield executor
+        finally:
+            executor.shutdown()
     finally:
         with suppress(TimeoutError):  # results are there by now, and a busy or lost cluster may not say good-bye
             client.close(timeout=CLOSE_S)
@@ -165,7 +169,7 @@ class _DaskExecutor(Executor):
     def __init__(self, client: Any, scheduler: str, unlike: Mapping[str, str], warn: Warn) -> None:
         self._client, self._scheduler, self._warn = client, scheduler, warn
         self._unlike: dict[str, str] = {}
-        self._guard = Lock()
+        self._guard, self._handing_on, self._is_shut_down = Lock(), Lock(), False
         for worker, difference in unlike.items():
             self._leave_out(_Unlike(worker, difference))
 
@@ -178,6 +182,12 @@ class _DaskExecutor(Executor):
         local: Future[Any] = Future()
         self._send(local, fn, args)
         return local
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Ask for no further result. A result that is on its way has `CLOSE_S` to arrive."""
+        self._is_shut_down = True
+        if wait and self._handing_on.acquire(timeout=CLOSE_S):
+            self._handing_on.release()
 
     def _send(self, local: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
         if self._client.status != "running":
@@ -193,19 +203,22 @@ class _DaskExecutor(Executor):
         )
 
         def hand_on(_: object) -> None:
-            try:
-                result = remote.result()
-            except (CancelledError, Exception) as error:  # noqa: BLE001 - whatever the call raised
-                lost = isinstance(error, CancelledError) or self._client.status != "running"
-                if local.set_running_or_notify_cancel():
-                    local.set_exception(self._lost() if lost else error)
-            else:
-                if isinstance(result, _Unlike):
-                    self._leave_out(result)
-                    if not local.cancelled():
-                        self._send(local, fn, args)
-                elif local.set_running_or_notify_cancel():
-                    local.set_result(result)
+            with self._handing_on:  # one thread hands on all results; asking a closed client, it would wait for ever
+                try:
+                    if self._is_shut_down:
+                        raise CancelledError
+                    result = remote.result()
+                except (CancelledError, Exception) as error:  # noqa: BLE001 - whatever the call raised
+                    lost = isinstance(error, CancelledError) or self._client.status != "running"
+                    if local.set_running_or_notify_cancel():
+                        local.set_exception(self._lost() if lost else error)
+                else:
+                    if isinstance(result, _Unlike):
+                        self._leave_out(result)
+                        if not local.cancelled():
+                            self._send(local, fn, args)
+                    elif local.set_running_or_notify_cancel():
+                        local.set_result(result)
 
         def cancel(_: object) -> None:
             if local.cancelled() and not remote.done():

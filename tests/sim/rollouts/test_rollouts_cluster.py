@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -156,6 +157,15 @@ def test_a_cluster_that_is_slow_to_say_good_bye_spoils_no_result(two_workers, mo
     monkeypatch.setattr(Client, "close", slow)
     with dask_cluster(two_workers.scheduler_address) as dask:
         assert dask.submit(abs, -3).result(timeout=30) == 3
+
+
+def test_calls_that_are_left_do_not_delay_those_of_the_next_connection(two_workers):
+    for _ in range(3):
+        with dask_cluster(two_workers.scheduler_address) as dask:
+            for _ in range(8):
+                dask.submit(time.sleep, 0.5)
+    with dask_cluster(two_workers.scheduler_address) as dask:
+        assert dask.submit(abs, -3).result(timeout=60) == 3
 
 
 def test_a_worker_with_threads_is_refused():

@@ -199,7 +199,9 @@ def _of_tables(folder: Path, name: str) -> Reader:
 def _answer() -> Reader:
     """The answer of an own robot about a push, with its whole trajectory."""
     task = get_task("pushing")
-    report, (x_m, y_m) = task.require_report(), task.require_hardware().standing.mark_m
+    report, standing = task.require_report(), task.require_hardware().standing
+    assert standing is not None, "a bottle stands on a mark"
+    x_m, y_m = standing.mark_m
     middle = {d.name: 0.5 * (d.low + d.high) for space in (task.context, task.action) for d in space.dimensions}
     question = Question(
         ask="trial", session="s", task="pushing", trial=3, attempt=1, goal_m=(0.83, 0.02), units={}, needs=(),

@@ -9,14 +9,8 @@ import tomli_w
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation.card import list_checkpoints
-from sim.adaptation.checkpoint import (
-    CARD,
-    MODEL,
-    load_checkpoint,
-    read_card,
-    save_checkpoint,
-)
+from sim.adaptation.card import CARD, list_checkpoints, read_card
+from sim.adaptation.checkpoint import MODEL, load_checkpoint, save_checkpoint
 from sim.adaptation.methods import make_method
 from sim.errors import CheckpointError
 from sim.research.methods.q_network import QNetwork

@@ -64,7 +64,7 @@ _NOT_SETTINGS = frozenset(
     )
 )
 _OF_TESTS = _PREFIX + "TEST_"
-"""Variables that lead tests to real devices begin so."""
+"""The variables that lead tests to real devices begin with this."""
 
 
 class Config(Record):

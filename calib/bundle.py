@@ -7,9 +7,10 @@ is not exactly where its joints say, which is a common twist of all corners. So 
 
     covariance = corners^2 inverse(information) + view_px^2 common + joint_rad^2 G G^T,
 
-`common` the pose's covariance by smooth errors of one pixel, G the board's motion with each joint (of the flange about
-itself if joints are unknown). The sizes are estimated with everything else, by restricted maximum likelihood. Plain
-weights (`Weights.PIXELS`) leave out the last two terms: a bundle adjustment over pixels.
+where `common` is the pose's covariance by smooth errors of one pixel, and G is the board's motion with each joint (or
+with a motion of the flange about itself, if joints are unknown). The sizes are estimated with everything else, by
+restricted maximum likelihood. Plain weights (`Weights.PIXELS`) leave out the last two terms: a bundle adjustment over
+pixels.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from hw.poses import inverse
 from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02
-"""Prior standard deviation of a joint's zero: far more than that of a working arm, it only fixes unobservable
+"""Prior standard deviation of a joint's zero. It is far larger than that of a working arm, and only fixes unobservable
 directions.
 """
 
@@ -171,7 +172,7 @@ class ErrorSizes:
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
-    """All joints but the first and the last: their zeros look like a rotation of the camera's carrier or the board."""
+    """All joints but the first and the last, whose zeros look like a rotation of the camera's carrier or the board."""
     return tuple(range(1, n - 1))
 
 

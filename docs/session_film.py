@@ -59,6 +59,11 @@ STEP = re.compile(r"(?:[⠀-⣿] )?(\S.*?)[:\s]+\d+ s")
 ADDRESS = re.compile(r"Live page: (http\S+)")
 FOLLOW = "window.scrollTo({top: state.judged ? 1e5 : 0, behavior: 'smooth'})"
 """The live page is scrolled down once a trial is tracked, as its reader would do."""
+HOME_AS_TILDE = """(home => {
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) texts.currentNode.data = texts.currentNode.data.replaceAll(home, '~');
+})"""
+"""Written in the page as people write it: the home folder of the film is a folder of the computer that makes it."""
 TERMINAL = f"""<meta charset="utf-8"><style>
 body {{ margin: 0; background: #14181d; overflow: hidden }}
 pre {{ margin: 0; padding: 10px 8px; font: 12px/17px "DejaVu Sans Mono", monospace; color: #e4e2dc; height: 664px }}
@@ -86,6 +91,8 @@ def main() -> None:
             moments = [*session(terminal, page, folder), *report(page, folder)]
         record.write_text(json.dumps([asdict(moment) for moment in moments]), encoding="utf-8")
     moments = [Moment(**one) for one in json.loads(record.read_text(encoding="utf-8"))]
+    for moment in moments:
+        assert str(folder) not in "".join(lines(moment.terminal)), "the terminal shows a path of this computer"
     shown = timeline(moments)
     needed = sorted(set(shown))
     with tab(folder) as page:
@@ -173,8 +180,9 @@ def size_page(page: Tab) -> None:
 
 
 def photo(page: Tab, folder: Path) -> str:
-    """The name of a picture of the page as it is now."""
+    """The name of a picture of the page as it is now, without the name of the home folder."""
     name = f"{time.time_ns()}.png"
+    page.script(f"{HOME_AS_TILDE}({json.dumps(str(folder / 'home'))})")
     (folder / name).write_bytes(picture(page))
     return name
 

@@ -34,7 +34,7 @@ SELF_CLEARANCE_M = 0.005
 KEEP_OUT_CLEARANCE_M = 0.01
 TABLE_CLEARANCE_M = 0.002
 TOUCH_TOLERANCE_M = 0.0005
-"""How deep a tool may be commanded below the table top outside a contact window: it rests on the table."""
+"""How deep a tool may be commanded below the table top outside a contact window, when it rests on the table."""
 CONTACT_DEPTH_M = 0.006
 """The deepest window that a path may declare: a deeper one causes a reflex on a real arm."""
 CONTACT_FORCE_N = 60.0

@@ -128,7 +128,7 @@ class MotionLimits:
 def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: float, stops_at_Nm: Array) -> list[Worst]:
     """The joint torques of `force_N`, upwards on the tool's lowest point, along the window of a path of true joints.
 
-    From `stops_at_Nm` (7,) on, the arm takes them for a collision. Empty without a window or points that may touch.
+    The arm takes torques from `stops_at_Nm` (7,) on for a collision. Empty without a window or points that may touch.
     """
     inside = _inside(path, path.contact)
     if not inside.any() or not len(tool.points_F_m):

@@ -1,4 +1,4 @@
-"""How long and how far an arm still moves once somebody wants it to stop: the one worst case that all pages state.
+"""How long and how far an arm still moves once somebody wants it to stop. All pages state this one worst case.
 
 The chain, at its worst: the pedal falls silent and nobody hears it for `SILENCE_S`; the program's word reaches the
 player after `HEARD_S`; a stop may begin up to `NEXT_STOP_S` later; the arm brakes along its path, and follows its
@@ -28,7 +28,7 @@ from hw.workcell import Workcell
 REDUCED_M_S = 0.25
 """The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
 TRAVEL_EVERY = 10
-"""A measured travel adds up steps of 10 ms, so that the noise of measured joints does not add up with them."""
+"""A measured travel is the sum of steps of 10 ms, so that the noise of measured joints does not add up."""
 _KEPT = 0.99
 """Share of the reduced speed that a motion is slowed to, so that the rounding of its samples stays below it."""
 

@@ -1,4 +1,4 @@
-"""A camera that was knocked during a trial: the whole picture moves at once, and not only things in it."""
+"""Detects a camera that was knocked during a trial: then the whole picture moves at once, not only things in it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _WIDTH_PX = 320
 _MOVED = 0.006
 """Share of the picture's width by which it moves at least: 8 px of 1280."""
 _BETTER = 0.7
-"""Moved back, the pictures must differ by less than this share of what they differed by."""
+"""After they are moved back, the pictures must differ by less than this share of their first difference."""
 _FRAMES = 3
-"""In so many frames in a row, so that a single blurred one does not count."""
+"""Number of frames in a row that must show it, so that a single blurred one does not count."""
 HAND = "a hand or another object"
-"""How the flags begin that a knock explains as well."""
+"""The beginnings of the flags that a knock explains as well."""
 
 
 def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) -> ObjectTrack:

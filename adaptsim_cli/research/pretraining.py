@@ -85,7 +85,8 @@ def pretrain(request: Request, executor: Executor, progress: StageProgress, stag
 
 
 def pretrain_share(request: Request, share: Share, executor: Executor, progress: StageProgress) -> bool:
-    """Simulate one share of the dataset, or of the grid; whether it is complete: False while it waits for other shares.
+    """Simulate one share of the dataset or of the grid. Returns whether it is complete; False while it waits for
+    others.
 
     Raises UsageError if there is no dataset to simulate, SimError, SessionError.
     """
@@ -149,7 +150,7 @@ def to_learn(config: Config, rollouts: int | None) -> int:
 def object_ready(
     resolved: Resolved, config: Config, rollouts: int | None, executor: Executor, progress: StageProgress
 ) -> dict[str, Any]:
-    """Make the checkpoint of the settings' object; what `adaptsim object` says of it, for JSON.
+    """Make the checkpoint of the settings' object, and return what `adaptsim object` prints about it, for JSON.
 
     Raises SimError, SessionError.
     """

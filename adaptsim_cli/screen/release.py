@@ -1,8 +1,8 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
 Enter alone moves nothing. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
-keyboard. A `y` belongs to one motion by its digest, and is used up when that motion is tried; no other motion can begin
-by it.
+keyboard. A `y` releases one motion, which is identified by its digest. It is used up once that motion is tried, and it
+releases no other.
 """
 
 from __future__ import annotations
@@ -147,7 +147,8 @@ class Release:
 
     @contextmanager
     def run(self, first: str, rest: str) -> Iterator[None]:
-        """Around a series: its first motion, which does `first`, is released alone and watched; then the `rest`.
+        """A context manager around a series. Its first motion (`first` describes it) is released alone and watched,
+        then the `rest`.
 
         However the series ends, nothing stays released.
         """

@@ -50,7 +50,7 @@ _OLD_SENTENCES = {
     "Converged": Kind.CONVERGED,
     "Not converged yet": Kind.NOT_CONVERGED,
 }
-"""The beginnings of the sentences of formats 1 and 2; a longer one stands before its own beginning."""
+"""The beginnings of the sentences of formats 1 and 2. A longer one comes before a shorter one with which it begins."""
 
 
 def is_earlier(folder: Path) -> bool:
@@ -68,7 +68,7 @@ def is_earlier(folder: Path) -> bool:
 def readable(root: Path, name: str) -> Iterator[SessionStore]:
     """The session `name` of any format, for reading. Raises SessionError, UsageError.
 
-    One of an earlier format is read from a copy that is removed afterwards; its recordings are links.
+    A session of an earlier format is read from a copy, which is removed afterwards; the copy's recordings are links.
     """
     folder = existing_folder(root, name)
     if not is_earlier(folder):

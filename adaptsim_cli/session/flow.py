@@ -53,7 +53,7 @@ from sim.tasks.task import SolvedPolicy
 REJECTED = "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
-"""Drawn placements keep this far from the edge of the area, as a share of it: placing by hand is inexact."""
+"""Drawn placements keep this far from the edge of the area, as a share of it, because placing by hand is inexact."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ DrawPage = Callable[[SessionStore], Path]
 """session -> the file of its page, drawn."""
 
 OpenRolloutView = Callable[[Screen, SessionParts, str, str, str], AbstractContextManager[Watcher]]
-"""(screen, parts, name of the session, what it is, hardware) -> a watcher besides the terminal."""
+"""(screen, parts, name of the session, its description, hardware) -> a watcher besides the terminal."""
 
 
 @dataclass(frozen=True)

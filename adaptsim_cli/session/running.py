@@ -46,7 +46,7 @@ OpenView = Callable[[Screen, SessionStore, SessionParts], AbstractContextManager
 """(screen, session, parts) -> a watcher besides the terminal."""
 
 Ending = Callable[[SessionStore], RenderableType | None]
-"""session -> its last words, None for none."""
+"""session -> the last text on the screen; None if there is none."""
 
 _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
@@ -70,7 +70,7 @@ class SessionRequest:
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
-    """No watcher besides the terminal."""
+    """Adds no watcher besides the terminal."""
     return nullcontext(AllOf())
 
 
@@ -85,8 +85,8 @@ def run_session(
 ) -> Reply:
     """Run the iterations; after each, `draw` makes the report in the background. JSON is printed as they end.
 
-    It ends by the rules of the request, with the report of all that is stored. The reply has the words of `ending` and
-    the report.
+    It ends by the rules of the request, with a report of everything stored. The reply has the text of `ending` and the
+    report.
 
     The last iteration is done only once its result and report have reached the operator; a run that was killed just
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.

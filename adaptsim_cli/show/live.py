@@ -68,11 +68,11 @@ class LiveView:
         self.doing("", "")
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
-        """See `Listener`: the answer stays in the terminal."""
+        """See `Listener`. The answer is shown only in the terminal."""
         self.asking("")
 
     def noted(self, text: str) -> None:
-        """See `Listener`: warnings are shown in the terminal, and with the trial."""
+        """See `Listener`. Warnings are shown in the terminal, and beside the trial."""
 
     def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
@@ -124,8 +124,9 @@ def live_view(
 ) -> Iterator[LiveView]:
     """Serve the page of the session or rollout `name`; print its address, and how to reach it from another computer.
 
-    `what` describes it in one line; `particles` of an iteration, 0: a single rollout. The page is one of the dashboard
-    of the sessions below `root`; None: it stands alone. Raises UsageError if the wanted port is in use.
+    `what` describes it in one line. `particles` is their number in an iteration, 0 for a single rollout. The page
+    belongs to the dashboard of the sessions below `root`; with None it stands alone. Raises UsageError if the wanted
+    port is in use.
     """
     task = parts.task
     has_camera = parts.newest_picture is not None

@@ -42,7 +42,7 @@ Answer = Content | Iterator[bytes]
 """Content, or a stream of server-sent events that goes on until the page is closed."""
 
 Site = Callable[[str], Answer | None]
-"""The path of a request, without its query -> the answer; None: there is nothing at this path."""
+"""The path of a request, without its query -> the answer; None if there is nothing at this path."""
 
 OVER = b"event: over\ndata: {}\n\n"
 """The last event of a stream."""

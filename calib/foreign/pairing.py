@@ -31,9 +31,9 @@ _WORSE = 4.0
 """A rejected view must fit another pose this many times better than its own."""
 _SAME_MM, _SAME_DEG = 0.5, 0.05
 _NO_WORSE = 1.2
-"""An exchange may add views; held-out ones must not be predicted worse than by this factor."""
+"""An exchange may add views, but the error of predicted held-out views must not grow by more than this factor."""
 _TELLS = 1.5
-"""One explanation of a change counts if the other leaves residuals this many times larger."""
+"""An explanation of a change counts if the other explanation leaves residuals this many times larger."""
 _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
 
 
@@ -307,7 +307,7 @@ def _shift_of_all(
 
 
 FARTHEST = 5
-"""A picture's pose is searched among those of its neighbours up to so many places away."""
+"""A picture's pose is searched among those of neighbours that are at most this many places away."""
 _MOST_LOST = 6  # places at which pictures are missing or doubled
 _SHARE = 0.8
 

@@ -128,7 +128,7 @@ class FrankaArm:
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
 
-        It holds until a `recover` that begins later: no motion begins before.
+        No motion begins until a `recover` that is called later.
         """
         self._stops += 1
 

@@ -1,7 +1,7 @@
-"""Explains libfranka's messages about its network and about refused commands, by the cause and the next step.
+"""Explains libfranka's messages about the network and about refused commands: the cause, and the next step.
 
-The sentences are those in the libraries of both SDKs (`tests/hw/franka/test_explanations.py` reads them there); the
-causes are the maker's documentation and its users' reports, by the numbers of the issues of libfranka.
+The sentences are those in the libraries of both SDKs, where `tests/hw/franka/test_explanations.py` reads them. The
+causes come from the maker's documentation and from users' reports, with their numbers among libfranka's issues.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ _REFUSALS = {
 
 
 def refused(text: str) -> str:
-    """libfranka's words for a command that an arm does not take, or does not go on with."""
+    """libfranka's message for a command that an arm refuses or breaks off, with cause and next step."""
     if (match := _MODE.search(text)) is not None:
         return _in_mode(match[1], text)
     words = next((words for part, words in _REFUSALS.items() if part in text), None)

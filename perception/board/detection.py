@@ -117,7 +117,7 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
 
 
 def in_grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
-    """Eight-bit grey; an infrared image, dark with a few glaring spots, is stretched between its percentiles."""
+    """Eight-bit grey. An infrared image, dark with a few glaring spots, is stretched between its percentiles."""
     if image.ndim == 3:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     if image.dtype == np.uint8:

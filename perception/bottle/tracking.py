@@ -21,7 +21,7 @@ from perception.sightings import require_end, require_seen, seen_leaving
 from perception.types import ObjectTrack, Outcome, in_frames
 
 BEFORE_S = 0.05
-"""Frames from this long before the motion (s) are used, and all after it: the recording ends when the bottle rests."""
+"""Frames are used from this long before the motion (s) to the end of the recording, when the bottle rests."""
 TIPPED_DEG = 30.0
 _NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a fall this much later
 _SEEN = 0.35  # confidence from which a place counts
@@ -53,11 +53,11 @@ def track_bottle(
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
     trial; `arm_at(t_s)` gives arm and tool from measured joints, on the clock of the frames; the motion starts at
     `t_start_s` on that clock and lasts `duration_s`; `area` is the searched part of the table. Frames in which the
-    bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell: its
-    rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the edge
-    of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed if no
-    frame falls into the trial, the film ends before the motion, or the bottle is in none of the frames; OutcomeUnseen
-    if it is in too few of them.
+    bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell, because
+    its rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the
+    edge of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed
+    if no frame falls into the trial, the film ends before the motion, or the bottle is in none of the frames;
+    OutcomeUnseen if it is in too few of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
     if not any(f.t_s <= t_start_s + duration_s for f in chosen):

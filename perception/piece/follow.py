@@ -33,7 +33,7 @@ _CANDIDATES = 3
 def places(
     view: ImageRegion, depth_view: ImageRegion, frame: Frame, proxy: Proxy, chroma: tuple[Array, ...]
 ) -> Iterator[Array]:
-    """(3,) m in the base frame: places of spots with the piece's colour and size, the largest spot first.
+    """Places (3,) in m, in the base frame, of spots with the piece's colour and size, the largest spot first.
 
     `chroma` are the chromaticities (2,) of the piece and of everything around it. The height comes from the depth
     camera; without enough readings the piece lies on the table.
@@ -204,7 +204,9 @@ def _evidence(
 
 
 _RISEN, _RISES = 0.25, 0.35
-"""From this share of the piece's height on a reading before the tool begins to be the piece; so much higher it is."""
+"""A reading in front of the tool begins to count as the piece from the first share of the piece's height, and counts
+fully this much higher.
+"""
 
 
 def _table_brightness(rig: TrackingSetup, frame: Frame) -> float:

@@ -1,7 +1,8 @@
 """One trial as files that other programs load: its scene as SDFormat for Drake or MJCF for MuJoCo, its motion as JSON.
 
-The SDFormat file is written from the plant that `BuildScene` makes: every body, joint, shape and contact property is
-that of training. SDFormat cannot hold the time step, the contact law and which model is weightless; `trial.json` does.
+The SDFormat file is written from the plant that `BuildScene` makes, so every body, joint, shape and contact property is
+that of training. SDFormat has no place for the time step, the contact law, and which model is weightless; `trial.json`
+has them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from sim.types import Visual
 
 FORMAT = 1
 SCENE, TOOL, TABLE = "trial", "tool", "table"
-"""The whole, and two of its models: carriage with tool, and everything fixed. The object's is called as its body."""
+"""Names of the whole scene and of two of its models: the carriage with the tool, and everything fixed. The object's
+model has the name of its body.
+"""
 _AXES = ("x", "y", "z")
 
 

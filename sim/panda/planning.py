@@ -128,7 +128,8 @@ def _with_ways(task: JointPath, ways: Ways, cell: Workcell, back: JointPath | No
 def task_paths(
     motion: ToolMotion, X_FT: Array, cell: Workcell, seed: Array | None
 ) -> Iterator[tuple[float, JointPath]]:
-    """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.
+    """Acceptable paths of true joints, computed one by one, each with the ratio that ranks it. Raises NotExecutable if
+    there is none.
 
     `cell` is in true joints, as in all functions below.
     """

@@ -19,7 +19,9 @@ Mark = Literal["kept", "doubtful", "broken"]
 
 
 SPREAD, MOST, LEAST = 24, 512, 8
-"""Rollouts all over the ranges, besides those at their ends; the most if they are quick, the least if they are slow."""
+"""Number of rollouts all over the ranges, besides those at their ends: the largest for quick rollouts, the smallest for
+slow ones.
+"""
 
 MOST_NUMBERS = 10_000_000
 """Numbers in the states of all these rollouts, which stay in memory."""

@@ -1,4 +1,5 @@
-"""Trajectories that no object on a table can have, in recordings and in answers alike: each is named with its numbers.
+"""Finds trajectories that no object on a table can have, both in recordings and in answers, and names each with its
+numbers.
 
 Tasks whose observation is not a place on the table (`Observation.curves`) pass unchecked.
 """
@@ -15,7 +16,7 @@ from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 SPIKE_M, SPIKE_M_S = 0.05, 3.0
-"""No object leaves its way for a single sample by so much and this fast, and comes back."""
+"""No object leaves its path for a single sample by this distance and at this speed, and comes back."""
 _MOVED, _RESTS, _REST_S = 0.05, 0.01, 0.3
 """An object has moved if it is displaced by more than the first share of the range of observations. It rests if it
 stays within the second share for this time (s)."""
@@ -23,10 +24,13 @@ _DRAWS = 4
 WRONG_WAY_DEG = 30.0
 """The most by which the direction from start to end may differ from those of all simulations."""
 DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
-"""If in this many trials (the last value) the objects creep alike, faster than the first value (m/s) for the second
-(s), both at rest and before they exceed the third (m/s), the positions drift."""
+"""The positions drift if the objects creep alike in at least as many trials as the last value. Creeping means faster
+than the first value (m/s) for the second one (s), both at rest and before they exceed the third (m/s).
+"""
 _FAST_M_S, HELD_S = 0.3, 0.08
-"""A place that is repeated for longer than this (s) between steps of a fast object (m/s) is not measured anew."""
+"""If a place is repeated for longer than the first value (s) while the object is faster than the second (m/s), it was
+not measured again.
+"""
 STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
 """Friction stops no object faster than the first value (m/s²). The speed is measured over this many steps, and as many
 follow."""
@@ -37,7 +41,7 @@ HEIGHT_M = 0.10
 def contradiction(task: Task, track: ObjectTrack, context: Array | None, action: Array) -> str:
     """A sentence about a trajectory that contradicts itself or its action (a,), without a full stop; "" if none does.
 
-    The simulator of the task is asked only where a trajectory looks strange.
+    The simulator of the task is used only if a trajectory looks strange.
     """
     if task.observation.curves or not len(track.t_s):
         return ""
@@ -53,7 +57,7 @@ def contradiction(task: Task, track: ObjectTrack, context: Array | None, action:
 
 
 def drifts(task: Task, tracks: Sequence[ObjectTrack]) -> str:
-    """A sentence about objects that all creep by the same way before they move and after they rest; "" if not."""
+    """A sentence about objects that all creep in the same way before they move and after they rest; "" if none."""
     if task.observation.curves:
         return ""
     pairs = [pair for track in tracks if (pair := _creeps_m_s(task, track)) is not None]

@@ -1,4 +1,4 @@
-"""The distance of an observed trajectory from all that the simulator can produce."""
+"""The distance of an observed trajectory from all trajectories that the simulator can produce."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from sim.rollouts.draws import Disturbances, sobol
 from sim.tasks.task import Expectations
 
 DRAWS = 512
-"""Numbers of parameters, and of nuisances with action errors, to try: they span the trajectories of one action."""
+"""Number of parameter vectors to try, and of nuisances with action errors. Together they span the trajectories of one
+action.
+"""
 
 LEAST_STD = 2e-3
 """Least tolerated deviation, normalised: smaller ones are below the camera's pixels."""
@@ -43,7 +45,7 @@ def observed_share(observation: Array) -> float:
 
 
 def squares(expectations: Expectations, observation: Array, paths: Array) -> Array:
-    """(...,) mean squares of that distance to expected trajectories (..., size) in the same context.
+    """(...,) mean squares of the misfit to expected trajectories (..., size) in the same context.
 
     The mean is over the observed values; missing ones (NaN) are left out, and the result is 0 if all are missing.
     """
@@ -69,7 +71,7 @@ def tolerance(expectations: Expectations) -> Array:
 def log_likelihood(squared: Array, observed: float) -> Array:
     """(..., D) mean squares for D draws -> (...,) log-likelihood of a trajectory, up to a constant.
 
-    `observed` is the share of its values that are not missing: without any, all parameters are equally likely.
+    `observed` is the share of its values that are not missing. If all are missing, all parameters are equally likely.
     """
     values = VALUES * observed
     if values == 0.0:

@@ -1,8 +1,8 @@
 """Every task by name: ours, and those of installed packages. Each is imported on first use.
 
 A package offers a task by an entry point of the group `adaptsim.tasks`: the task's name, and the module with its
-`TASK`. Beside that module there may be folders `worlds` and `checkpoints`. A file that declares tasks
-(`adaptsim.task`) is named by its path once; beside it there may be folders `worlds/<task>` and `checkpoints/<task>`.
+`TASK`. Beside that module there may be folders `worlds` and `checkpoints`. A file that declares tasks (`adaptsim.task`)
+has to be named once by its path. Beside it there may be folders `worlds/<task>` and `checkpoints/<task>`.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@
 
 Parameters missing from `[ranges]` keep the task's own range. The ranges become Omega. The margin around it has the
 proportions of the task's own margin and ends where that ends, because the scene is not tested beyond. `[sizes]`
-replaces ranges of the nuisance, `mass_kg` and `[effects]` change the scene itself, within what worlds are drawn from.
+replaces ranges of the nuisance. `mass_kg` and `[effects]` change the scene itself, within the ranges from which worlds
+are drawn.
 """
 
 from __future__ import annotations

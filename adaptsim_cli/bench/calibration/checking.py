@@ -23,7 +23,8 @@ from perception.errors import BoardNotFound
 
 MOTION = "motion.json"
 TABLE_X_M, TABLE_Y_M = (0.45, 1.0), (-0.35, 0.35)
-"""The part of the table to check, in the base; parts hidden by arm and board in one view are visible in others."""
+"""The part of the table that is checked, in the base frame. What arm and board hide in one view is visible in others.
+"""
 TABLE_NEAR_M = 0.02
 _EVERY_PX = 6
 _MEDIAN_VIEWS = 5

@@ -128,7 +128,7 @@ def _stop_button(lab: Examined) -> Finding:
 
 
 MOST_RTT_MS = 0.5
-"""Half of a 1 ms cycle; the maker's ping test asks for the same order."""
+"""Half of a 1 ms cycle; the maker's ping test asks for a time of the same order."""
 MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
 """Limits for an arm's states: libfranka needs 95 % of the commands in time, and twenty lost in a row stop the arm."""
 LEAST_FRAMES, STREAM_S = 10, 0.5

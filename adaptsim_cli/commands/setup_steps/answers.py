@@ -1,4 +1,4 @@
-"""The answers of a setup: each question has a default, a wrong answer is explained and asked again.
+"""The answers of a setup. Each question has a default; a wrong answer is explained, and the question is asked again.
 
 A setup begins with the rig file that is there, or a first one (`begun`).
 """
@@ -115,7 +115,7 @@ class Answers:
         return True
 
     def waivers_but(self, what: Waivable) -> list[dict[str, Any]]:
-        """The waivers of everything but `what`, for when it is there."""
+        """All waivers but that of `what`, which is not needed once the safeguard is there."""
         return [asdict(waiver) for waiver in self.rig.waivers if waiver.safeguard != what]
 
     def _typed(self, question: str) -> str:

@@ -73,7 +73,8 @@ STEPS = (
 
 
 def walk(answers: Answers, *, begin: str = "") -> None:
-    """From the first step that is not done to the command of the first session; `begin` names a step to do again.
+    """Do all steps from the first one that is not done, and show the command of the first session. `begin` names a step
+    to do again.
 
     Raises the error that stops it, with the command to continue. Every completed step is kept.
     """

@@ -1,4 +1,4 @@
-"""Data sets of robot learning as recorded trials, an episode each: LeRobot (Parquet) and robomimic (HDF5)."""
+"""Data sets of robot learning as recorded trials, one for each episode: LeRobot (Parquet) and robomimic (HDF5)."""
 
 from __future__ import annotations
 

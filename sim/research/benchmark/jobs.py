@@ -1,9 +1,9 @@
-"""A job of a benchmark: one method in one place with one seed, described by names and values, so that a worker can run
+"""A job of a benchmark: one method in one place with one seed. Names and values describe it, so that a worker can run
 it.
 
 With recorded trials, sessions take one part of them, and scores come from the part held out. A control runs the default
-method on trials whose outcomes are shuffled. There nothing can be gained: `permuted` must earn what `permuted-udr`
-earns.
+method on trials whose outcomes are shuffled. Nothing can be gained there, so `permuted` must earn as much as
+`permuted-udr`.
 """
 
 from __future__ import annotations

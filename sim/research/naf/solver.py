@@ -51,8 +51,8 @@ class NafSolver(FromSimulator):
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[NafPolicy, ...]:
-        """One policy for each of B distributions, samples (B, m, p), in order: an earlier one may donate to a later
-        one.
+        """One policy for each of B distributions, samples (B, m, p), in order, because a later policy may start from
+        the weights of an earlier one.
         """
         seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
         keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]

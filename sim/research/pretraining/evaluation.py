@@ -75,7 +75,9 @@ def final_policies(
     settings: EvaluationSettings,
     rng: np.random.Generator,
 ) -> list[SolvedPolicy]:
-    """The final policies of a session of `method` in a simulated target (p,), if it ended after each iteration."""
+    """The final policies that a session of `method` in a simulated target (p,) would have if it ended after each
+    iteration.
+    """
     task = solver.task
     adaptation = Adaptation(method, KnownPolicies(solver), solver)
 

@@ -60,7 +60,7 @@ SMALLEST = 64
 TEMPERATURE_SPREAD = 0.5
 """Prior standard deviation of the logarithm of the temperature.
 
-Without a prior, 150 held-out rollouts that happen to be predicted well make every prediction certain.
+Without a prior, every prediction would become certain if 150 held-out rollouts happened to be predicted well.
 """
 
 
@@ -281,7 +281,7 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
 def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
     """The emulator's error for each rollout, by the name of the field of `EmulatorReport` that summarises it.
 
-    Positions only if the simulator found a solution, end states only for successes.
+    Positions count only if the simulator found a solution, and end states only for successes.
     """
     observation = emulator.task.observation
     prediction = emulator.predict(*_inputs(requests))

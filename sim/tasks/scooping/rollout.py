@@ -152,8 +152,8 @@ def _off_blade(now: Moment) -> bool:
 
 
 def track_of(readings: Readings, motion: ToolMotion) -> ObjectTrack:
-    """The readings; before the first one the piece is held, after the last one it moves with the table or tool on which
-    it lies.
+    """The track from the readings. Before the first reading the piece is held; after the last one it moves with the
+    table or tool on which it lies.
     """
     t_s, p_BO_m, p_TO_m = readings.t_s, readings.p_BO_m, readings.p_TO_m
     outcome = Outcome.SOLVER_FAILED if readings.failure else _outcome(p_BO_m[-1], p_TO_m)

@@ -301,7 +301,7 @@ def squares(e: Array, covariance: Array) -> Array:
 def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, noise: ErrorSizes) -> ErrorSizes:
     """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
 
-    Both have a wide prior, which decides only where the views do not tell the two apart.
+    Both have a wide prior, which matters only if the views cannot separate the two.
     """
     own = np.asarray(np.linalg.inv(boards.information))
     terms = np.stack([boards.common, GG])

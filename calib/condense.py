@@ -134,7 +134,7 @@ def about(sight: PoseCandidates, X_CM: Array, noise_px: float | None = None) -> 
 def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
     """(N, 6, 6) covariance of the fitted twist by smooth errors of the corners of 1 px along an axis.
 
-    Smooth: constant, linear and quadratic in the place in the picture, each term with the same share.
+    Smooth errors are constant, linear and quadratic in the place in the picture; each term has the same share.
     """
     present, count = mask[..., None], mask.sum(axis=1)[:, None, None]
     xy = (px - np.sum(px * present, axis=1, keepdims=True) / count) * present

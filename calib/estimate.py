@@ -146,7 +146,7 @@ def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
 
 
 def _mean(states: Sequence[Unknowns]) -> Unknowns:
-    """One state, or half way between two that have no joint offsets."""
+    """The only state, or the state half way between two states without joint offsets."""
     a, b = states[0], states[-1]
     if a is b:
         return a

@@ -76,7 +76,7 @@ def _why_fit_is_bad(alone: Solution, setup: Setup) -> str:
 
 
 def _why_rejected(solution: Solution) -> str:
-    """The advice about rejected views: if all are at one end of the series, something slipped."""
+    """The advice about rejected views. If all of them are at one end of the series, something slipped."""
     used = [view.used for view in solution.views]
     changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]
     if len(changes) == 1:

@@ -227,7 +227,7 @@ def _stops(path: JointPath, at_s: Array, limits: MotionLimits) -> Braking:
 
 
 def _keeps(path: JointPath, spline: CubicSpline, s: Array, took_s: Array, limits: MotionLimits) -> NDArray[np.bool_]:
-    """Which stops, path times (M, K) of durations (K,), keep the limits (K,)."""
+    """(K,) whether each stop, with path times (M, K) and durations (K,), keeps the limits."""
     allowed = np.zeros(len(took_s), dtype=bool)
     order, done = np.argsort(took_s, kind="stable"), 0
     while done < len(order):

@@ -28,7 +28,7 @@ def usable_cores(system: Path = Path("/")) -> int:
 def _quotas(system: Path) -> Iterator[float]:
     """The quota in cores of each control group that this process is in, from its own up to the outermost (cgroups(7)).
 
-    Inside a container the group's path may be the host's: a folder that does not exist states no quota.
+    Inside a container, the group's path may be that of the host. A folder that does not exist states no quota.
     """
     try:
         lines = (system / "proc/self/cgroup").read_text(encoding="utf-8").splitlines()

@@ -42,7 +42,9 @@ COLLISION_SHARE = 0.8
 """Share of an arm's own collision threshold that a predicted contact may use."""
 GEOMETRY_STEP_S = 0.01
 SAG_M = 0.0005
-"""How much nearer two bodies may come within a `GEOMETRY_STEP_S` than on straight lines: 0.2 mm each at 13 m/s²."""
+"""How much nearer two bodies may come within a `GEOMETRY_STEP_S` than if they moved on straight lines: at 13 m/s², 0.2
+mm for each.
+"""
 
 
 @dataclass(frozen=True)
@@ -197,7 +199,7 @@ Travels = Callable[[Array], Array]
 def _swept(quantity: str, path: JointPath, least_m: float, clearances: Clearances, travels: Travels | None) -> Worst:
     """The least clearance of a path, between its samples too.
 
-    `travels` None: only the change of a clearance itself bounds it between samples.
+    With `travels` None, only the change of a clearance itself bounds it between samples.
     """
     every, last = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ)), len(path.t_s) - 1
     rows = np.unique(np.append(np.arange(0, last, every), last))

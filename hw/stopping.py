@@ -86,7 +86,7 @@ def _of_path(cell: Workcell, path: JointPath) -> WorstStop:
 def _travels_m(path: JointPath, braking: Braking, speed_m_s: Array) -> Array:
     """(C,) the farthest that each body goes: unbraked until the stop begins, then along its tail.
 
-    A measured arm is behind its commands, so what it still has to go begins earlier by the lag.
+    A measured arm is behind its commands, so its remaining travel begins earlier by the lag.
     """
     way_m = np.concatenate([np.zeros((1, speed_m_s.shape[1])), np.cumsum(speed_m_s * DT_S, axis=0)])
     stops = np.isfinite(braking.duration_s)
@@ -131,7 +131,7 @@ def reduced_pace(path: JointPath, cell: Workcell, pace: float = FULL) -> float:
 
 
 def _bound_m_s(cell: Workcell) -> tuple[float, str]:
-    """The fastest that a point on the flange can be in any motion that the cell accepts, and its body."""
+    """The largest speed of a point on the flange in any motion that the cell accepts, and its body."""
     limits = FLANGE[cell.arm.name]
     reach_m, point = max(
         (

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from hw.types import Array
 
 Policy = Callable[["Array"], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
-"""A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
+"""A function of the context (c,) that returns an action in units, or one action for all contexts. An action is given as
+numbers or by name.
+"""
 
 
 def tasks() -> Rows:

@@ -303,7 +303,7 @@ class SessionStore:
         return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + 1}"
 
     def _once(self, kind: type[AnyRecord], path: Path) -> AnyRecord:
-        """A record that never changes; read and checked once, so that a session's time does not grow with its age."""
+        """A record that never changes. It is read and checked once, so that a session does not get slower."""
         if (record := self._read.get(path)) is None:
             record = self._read[path] = records.read(kind, path)
         assert isinstance(record, kind)

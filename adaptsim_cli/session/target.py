@@ -119,8 +119,8 @@ class OpenParts(Protocol):
     ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
-        `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
-        robot of one's own, instead of the program or the person of the settings. Raises SimError, DeviceUnavailable,
+        With `own`, calibration and touch-off are those of this session instead of those in use. `answerer` answers for
+        a robot of one's own, instead of the program or the person of the settings. Raises SimError, DeviceUnavailable,
         CalibrationMissing, UsageError.
         """
 

@@ -219,8 +219,8 @@ def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
 
 
 def _gap(a: ParameterBelief, b: ParameterBelief) -> float:
-    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing. Of a
-    category: the share of belief that the two do not have in common, negative up to 90 %.
+    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing. For a
+    category, it is the share of belief that the two do not have in common, minus 90 %.
     """
     if a.chances is not None and b.chances is not None:
         return 0.1 - sum(min(chance, b.chances.get(kind, 0.0)) for kind, chance in a.chances.items())

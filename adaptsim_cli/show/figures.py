@@ -32,7 +32,7 @@ ROOM_PX = 26.0
 
 
 def _every(count: int, width: float) -> int:
-    """Every how many iterations there is room for a number."""
+    """The step between iterations whose number is shown, so that numbers have room."""
     return max(1, int(np.ceil(count * ROOM_PX / width)))
 
 
@@ -180,7 +180,9 @@ def truth(one: RevealedParameter) -> str:
 
 
 def _kinds(canvas: Canvas, one: RevealedParameter) -> None:
-    """A place for each word: a field if training had it, a circle as large as its chance, a dot at the truth."""
+    """A place for each word of a category: a field if training had it, a circle whose size is its chance, and a dot at
+    the truth.
+    """
     room = 204.0 / len(one.kinds)
     for index, kind in enumerate(one.kinds):
         left = 8.0 + index * room

@@ -196,7 +196,7 @@ def both(draw: Callable[[float], str]) -> str:
 
 
 def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
-    """The reward of UDR: by the truth of a simulated world, or as a session measured it; None: not known."""
+    """The reward of UDR, by the truth of a simulated world or as a session measured it; None if it is not known."""
     if facts.method == "udr":
         return None
     if truth is not None:

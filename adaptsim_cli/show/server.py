@@ -190,7 +190,7 @@ def _handler(site: Site) -> Callable[..., BaseHTTPRequestHandler]:
                 return
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Logs nothing: the terminal belongs to the session."""
+            """Logs nothing, because the terminal belongs to the session."""
 
     return Handler
 
@@ -199,7 +199,7 @@ class _Quiet(ThreadingHTTPServer):
     """A connection that fails (a reset, a closed page) ends alone, without a traceback in the operator's terminal."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing: the client has disconnected."""
+        """Does nothing, because the client has disconnected."""
 
 
 def require_free(port: int) -> None:

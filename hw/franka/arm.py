@@ -274,8 +274,7 @@ class FrankaArm:
         return self._player
 
     def _recognise(self, player: Player) -> None:
-        """Check that the arm is of the model that every check assumes; of its joint limits and ours the narrower ones
-        count.
+        """Check that the arm is of the model that every check assumes. The narrower of its joint limits and ours count.
 
         Raises DeviceUnavailable for another model, and Failure.
         """

@@ -70,7 +70,9 @@ def unreachable(who: str, host: str, text: str, phase: Phase) -> str:
 
 
 def _without_states(who: str, host: str, text: str, phase: Phase) -> str:
-    """TCP works, so cable, address and power do (issues 40, 165, 185, 203, 241): the states are lost on their way."""
+    """The cause if TCP works. Then cable, address and power work too (issues 40, 165, 185, 203, 241), and the states
+    are lost on their way.
+    """
     if phase is STARTING:
         return (
             f"{who} took the motion, and then none of its states arrived for a second ({text}); no joint was "
@@ -147,7 +149,7 @@ def refused(text: str) -> str:
 
 
 def _in_mode(spoken: str | None, text: str) -> str:
-    """A command of the mode Idle in another one; libfranka 0.9 and older do not say in which."""
+    """The cause if a command for the mode Idle came in another mode; libfranka 0.9 and older do not say in which."""
     if spoken is None:
         return (
             "the arm takes no command now: its stop button is pressed, somebody guides it by hand, its joints are "

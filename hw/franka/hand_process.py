@@ -105,7 +105,7 @@ class HandProcess:
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
     def _interrupted(self, child: Child) -> str:
-        """Stop the fingers. -> a sentence for a person about how they stopped."""
+        """Stop the fingers, and return a sentence for a person about how they stopped."""
         try:
             child.send_word(REQUESTED)
             answer = child.receive() if child.answers(_STOPPED_S) else None

@@ -1,6 +1,7 @@
-"""Before a motion of an arm: its checks, its beginning at the joints that the arm holds, and the load that it feels.
+"""The steps before a motion of an arm: its checks, its beginning at the joints that the arm holds, and the load that
+the arm feels.
 
-After it, from its log: its stop.
+After the motion, its stop is read from its log.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def _keep_to_a_core(isolated: Path) -> str:
 
 
 def _listed(file: Path) -> list[int]:
-    """The cores of a list such as 2-3,5; none if the file does not exist."""
+    """The cores in a list such as 2-3,5; none if the file does not exist."""
     try:
         parts = [part.split("-") for part in file.read_text().strip().split(",") if part]
     except OSError:

@@ -269,8 +269,8 @@ def _square_px(predicted: Array, board: Board) -> float:
 
 
 def _saddle(grey: Grey, px: Array, half: int) -> NDArray[np.bool_]:
-    """(N,) whether there is a saddle (opposite quarters alike, neighbours different), by second derivatives of the
-    patch.
+    """(N,) whether the second derivatives of the patch show a saddle, with opposite quarters alike and neighbours
+    different.
     """
     px = np.clip(px, 0.0, [grey.shape[1] - 1.0, grey.shape[0] - 1.0])
     sigma = max(0.35 * half, 0.8)

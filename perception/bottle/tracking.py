@@ -127,7 +127,7 @@ def _follow(
 
 
 def _guesses(history: list[tuple[float, Array]], t_s: float) -> list[Array]:
-    """Poses near which to search: it continued as before, or it stayed."""
+    """Poses near which to search: the bottle moved on as before, or it stayed."""
     t_last_s, last = history[-1]
     if len(history) < 2:
         return [last]
@@ -151,7 +151,7 @@ def _clutter(scan: Scan, raw: Raw, arm: ArmShape, X_BO: Array, body: Cylinder) -
 
 
 def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array, area: Area) -> Outcome:
-    """Lost is a bottle that was seen leaving the table, or the searched area."""
+    """The outcome of the track. A bottle is lost if it was seen leaving the table or the searched area."""
     last = t_s >= t_s[-1] - _LAST_S
     if np.median(tilt_deg[sure][-3:]) > TIPPED_DEG:
         return Outcome.TIPPED

@@ -51,7 +51,7 @@ class EvaluationReport:
 
 
 class _Table(BaseModel):
-    """A table of the card. What this version does not know is kept as it is."""
+    """A table of the card. Keys that this version does not know are kept as they are."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 

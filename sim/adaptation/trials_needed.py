@@ -204,7 +204,9 @@ def needed(counts: Sequence[int | None]) -> TrialsNeeded:
 
 
 def _share(counts: Sequence[int | None], least: float) -> SessionShare:
-    """The least count that at least `least` of the sessions do not exceed, and the share that do not."""
+    """The smallest count that at least a share `least` of the sessions does not exceed, and the share that does not
+    exceed it.
+    """
     for most in sorted({count for count in counts if count is not None}):
         share = sum(count is not None and count <= most for count in counts) / len(counts)
         if share >= least:

@@ -142,7 +142,9 @@ class _Sdf:
         return bytes(ElementTree.tostring(self._root, "utf-8", xml_declaration=True)) + b"\n"
 
     def _link(self, model: Element, body: RigidBody, X_WB: RigidTransform) -> None:
-        """A body with its mass and shapes; one that touches where others of the body pass has its own link."""
+        """A body with its mass and shapes. A shape that touches things through which the body's other shapes pass has
+        its own link.
+        """
         name = TABLE if body.name() == "world" else body.name()
         link = _add(model, "link", name=name)
         _pose(link, X_WB)
@@ -259,7 +261,7 @@ def _add(parent: Element, tag: str, text: str | None = None, **attributes: str) 
 
 
 def _text(values: Any) -> str:
-    """Numbers as they read back exactly."""
+    """Numbers as text from which they can be read back exactly."""
     return " ".join(repr(float(value)) for value in values)
 
 

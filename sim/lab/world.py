@@ -291,7 +291,7 @@ def _model(table: str, types: tuple[tuple[str, tuple[Any, Any]], ...]) -> type[B
 
 
 def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
-    """A number; of a category, the index of its word."""
+    """A number; for a category, the index of its word."""
     if not isinstance(value, str):
         return float(value)
     if value not in dimension.words:
@@ -303,7 +303,7 @@ def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
 
 
 def _left_out(dimension: Dimension, middle: float, *, required: bool) -> Any:
-    """The value of a quantity that a table does not state; `...`: it must."""
+    """The value of a quantity that a table does not state; `...` if the table has to state it."""
     if dimension.default is not None:
         return int(dimension.default) if dimension.scale == "integer" else dimension.default
     return ... if required else middle

@@ -95,7 +95,7 @@ def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tu
 
 
 def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
-    """Two thirds are at the ends, so that a slow task is tried there before everywhere else."""
+    """The rollouts in an order in which two thirds are at the ends, so that a slow task is tried there first."""
     left, right, both = [*first], [*second], []
     while left or right:
         both += left[:2] + right[:1]

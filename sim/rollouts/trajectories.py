@@ -75,7 +75,7 @@ def drifts(task: Task, tracks: Sequence[ObjectTrack]) -> str:
 
 
 def _creeps_m_s(task: Task, track: ObjectTrack) -> tuple[Array, Array] | None:
-    """Velocities (k,) before the object is moved and after it rests; None: not observed."""
+    """Velocities (k,) before the object is moved and after it rests; None if they were not observed."""
     t_s, places_m = track.t_s, track.state[:, list(task.observation.columns)]
     if len(t_s) < 4:
         return None
@@ -129,7 +129,9 @@ def _held(task: Task, track: ObjectTrack) -> str:
 
 
 def _frozen(task: Task, track: ObjectTrack) -> str:
-    """An object that moves fast, and never again by a single digit. One that fell or is lost counts as staying."""
+    """Detects an object that moves fast and then never again by a single digit. An object that fell or is lost counts
+    as staying.
+    """
     way_m, every_s = _steps(task, track)
     changes = np.flatnonzero(way_m > 0.0)
     if not len(changes) or track.outcome in (Outcome.TIPPED, Outcome.LOST):
@@ -163,8 +165,8 @@ def _wrong_height(task: Task, track: ObjectTrack) -> str:
 
 
 def _first_rest(task: Task, track: ObjectTrack) -> tuple[int, float, float] | None:
-    """Where the object first came to rest after it had moved: the row, how far it moves away after that as a share of
-    the range, and when; None: it never does.
+    """Where the object first came to rest after it had moved: the row, how far it moves away later (as a share of the
+    range), and when; None if it never comes to rest.
     """
     sight = task.observation
     places = track.state[:, list(sight.columns)] / (sight.high - sight.low)
@@ -210,7 +212,7 @@ def _never_moved(task: Task, track: ObjectTrack, context: Array | None, action: 
 
 
 def _wrong_way(task: Task, track: ObjectTrack, context: Array | None, action: Array) -> str:
-    """For a trajectory that has only a start and an end; whole ones are compared in `sim.solvers.readings`."""
+    """Checks a trajectory that has only a start and an end; `sim.solvers.readings` compares whole trajectories."""
     columns = list(task.observation.columns)
     if len(track.t_s) != 2 or len(columns) != 2 or track.outcome is Outcome.LOST:
         return ""

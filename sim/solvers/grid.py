@@ -54,7 +54,7 @@ class _PointRollouts:
 
     @classmethod
     def empty(cls, rows: int, end: int, observation: int) -> _PointRollouts:
-        """No rollout at any of so many points; end states and observations have so many values."""
+        """No rollout at any of this number of points, with these sizes of end states and observations."""
         sizes = np.zeros((rows, end)), np.zeros((rows, observation))
         return cls(np.zeros(rows, dtype=bool), np.zeros(rows), *sizes, np.zeros(rows))
 
@@ -219,7 +219,7 @@ class GridSolver(FromOutcomes):
         return np.asarray(self.draws[(gaps**2).sum(axis=-1).argmin(axis=1)])
 
     def _nothing(self, like: Rollouts) -> _PointRollouts:
-        """No rollout yet at any point, of the sizes of others."""
+        """No rollout yet at any point, with the same sizes as those of the other actions."""
         return _PointRollouts.empty(len(self.points), like.end_state.shape[1], like.observation.shape[1])
 
     def _coordinates(self, parameters: Array, contexts: Array) -> Array:

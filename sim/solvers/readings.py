@@ -58,7 +58,7 @@ def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
 
 
 def _trial_readings(trials: RecordedTrials) -> tuple[TableReading, ...]:
-    """Those of them that read every trial alone: first the table as it is written."""
+    """The readings that change every trial by itself; the first one is the table as it is written."""
     task, tracks = trials.task, trials.tracks
     times_s, columns = task.observation.times_s, list(task.observation.columns)
 

@@ -96,7 +96,9 @@ def _rebuilt(name: str, file: TaskFile | None, changes: Mapping[str, Any]) -> Ta
 
 
 def _reduced(task: Task) -> Any:
-    """A task travels to another process as its name and what differs: its functions need not be importable."""
+    """A task is sent to another process as its name and the fields that differ, because its functions may not be
+    importable there.
+    """
     try:
         usual = get_task(task.name) if task.file is None else files.of_file(task.file, task.name)
     except UnknownName:  # nobody can find it by name: as it is

@@ -230,7 +230,7 @@ def _noticed(path: str) -> Iterator[None]:
 
 @contextmanager
 def _same_folder() -> Iterator[None]:
-    """The current folder stays as it is, because the paths of a command are relative to it."""
+    """A block that restores the current folder, because the paths of a command are relative to it."""
     before = Path.cwd()
     try:
         yield

@@ -74,7 +74,7 @@ def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array |
 
 
 def _behind(images: Sequence[Array | Any]) -> Array:
-    """(H, W) depth in m of the static background: per pixel the median of the far half of its readings; 0 = none."""
+    """(H, W) depth in m of the static background: the median of the far half of a pixel's readings; 0 = none."""
     chosen = np.linspace(0, len(images) - 1, min(len(images), 2 * _MEDIAN_VIEWS + 1)).astype(int)
     stack = np.sort(np.stack([images[i] for i in chosen]).astype(np.float64), axis=0)
     return np.asarray(1e-3 * stack[-1 - len(chosen) // 4])

@@ -134,7 +134,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
 
     @contextmanager
     def _allowed(self, path: JointPath) -> Iterator[None]:
-        """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
+        """A context manager around one motion: consent, pedal, and a note on the disk until the motion has ended."""
         refuse_while_stopped(self._hand_fault)
         self.confirm()
         self.release.take(path.digest, duration_s=path.duration_s)

@@ -108,7 +108,7 @@ class Consent:
         self.screen.note("  The stop button stops this arm.")
 
     def _slow_start(self) -> None:
-        """A set-up that has never moved this arm begins slowly, unless a person, by name, takes the responsibility."""
+        """A set-up that has never moved this arm begins slowly, unless a named person takes the responsibility."""
         if self.known_arm is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
         facts = self.known_arm.read()

@@ -146,7 +146,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
 
 
 def flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """(key, value) of every entry of a file, for the screen, without entries that the file leaves out."""
+    """(key, value) of every entry that a file states, for the screen."""
     for name, value in content.items():
         key = f"{prefix}{name}"
         if isinstance(value, dict):

@@ -193,7 +193,7 @@ class _Asking:
         return shown
 
     def _one(self, number: int) -> Array | None:
-        """(7,) true joints of one set-down; None: the one before is shown again. Raises TouchOffFailed."""
+        """(7,) true joints of one set-down; None if the one before is to be repeated. Raises TouchOffFailed."""
         where, of = self._rig.set_downs[number], len(self._rig.set_downs)
         for _ in range(TRIES):
             if not self._done(where, number, of):

@@ -115,7 +115,7 @@ class Answers:
         return True
 
     def waivers_but(self, what: Waivable) -> list[dict[str, Any]]:
-        """All waivers but that of `what`, which is not needed once the safeguard is there."""
+        """All waivers except that of the safeguard `what`, which the lab now has."""
         return [asdict(waiver) for waiver in self.rig.waivers if waiver.safeguard != what]
 
     def _typed(self, question: str) -> str:

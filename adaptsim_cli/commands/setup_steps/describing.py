@@ -272,7 +272,7 @@ def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
 
 
 def _next_box(answers: Answers) -> str:
-    """The name of the next box; none: there are enough. Without any the lab has to say why."""
+    """The name of the next box; none if there are enough. Without any box, the lab has to state the reason."""
     enough = bool(answers.rig.keep_out) or answers.rig.waives("keep_out")
     what = "Name a box that the arm must keep out of: lamp, stand, screen"
     if enough or answers.defaults:

@@ -142,7 +142,7 @@ def _do(answers: Answers, step: Step) -> None:
 
 
 def _missing(answers: Answers, step: Step) -> list[str]:
-    """Make and show the checks of the step; the names of those that failed."""
+    """Make and show the checks of the step, and return the names of those that failed."""
     if _only_told(answers, step):
         answers.screen.show(f"  Simulated. A real lab {step.practised}.")
         return []

@@ -166,7 +166,9 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """A mistake of this trial, or one that it and those before it have in common: they contradict their actions."""
+        """A sentence about a mistake of this trial, or of this and earlier trials together, which contradict their
+        actions.
+        """
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

@@ -76,7 +76,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _dataset(path: Path, demo: Any, where: str) -> Array:
-    """(N,) a column of a data set of one demonstration; of an attribute, its one value."""
+    """(N,) a column of a data set of one demonstration, or the only value of an attribute."""
     name, _ = _split(path, where)
     if name.startswith("attrs/"):
         return np.atleast_1d(np.asarray(demo.attrs[name.removeprefix("attrs/")], dtype=np.float64))

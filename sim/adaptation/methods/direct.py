@@ -33,7 +33,9 @@ from sim.solvers.solver import policy_for
 from sim.tasks.task import Executable, SolvedPolicy, Task
 
 SCENARIOS = 3
-"""Parameters that the first particle's policy is searched for: the best fit, and draws from the posterior."""
+"""Number of parameter vectors for which the first particle's policy is searched: the best fit, and draws from the
+posterior.
+"""
 
 CLOUD = 12
 """Number of parameter vectors that fill the margin; a fit begins from the best one."""

@@ -213,7 +213,7 @@ def _bounded_weights(cost: Array) -> Array:
 
 
 def _drawn(mean: Array, covariance: Array, n: int, rng: np.random.Generator) -> Array:
-    """(n, p) draws of the Gaussian in [0, 1), those outside moved to the nearest edge."""
+    """(n, p) draws of the Gaussian in [0, 1); those outside are moved to the nearest edge."""
     return np.clip(rng.multivariate_normal(mean, covariance, n), 0.0, 1.0 - 1e-9)
 
 

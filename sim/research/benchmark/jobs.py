@@ -161,7 +161,7 @@ def _row(
     began: float,
     shown_reward: float | None,
 ) -> BenchmarkRow:
-    """`curve` is None without trials: the reward stays the same."""
+    """The row of a job. `curve` is None if there are no trials, because then the reward stays the same."""
     adaptation = checkpoint.solver.task.adaptation
     each = 0 if curve is None else job.conditions.particles * adaptation.trials_per_iteration
     curve = curve or [last]

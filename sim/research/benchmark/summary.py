@@ -101,7 +101,9 @@ def _earned(
 
 
 def _with_gap(earned: dict[str, _Earned]) -> Array | None:
-    """(worlds,) whether a world has a gap, by the trials for choices; the rollouts of scores do not decide."""
+    """(worlds,) whether a world has a gap. This is decided by the trials for choices, and not by the rollouts for
+    scores.
+    """
     udr, oracle = (earned[name].shown if name in earned else None for name in (UDR, ORACLE))
     if udr is None or oracle is None:
         return None

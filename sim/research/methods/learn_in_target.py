@@ -107,7 +107,7 @@ class LearntPolicy:
         return float(np.clip(expected, 0.0, 1.0)), float(low), float(high)
 
     def _worth(self, context: Array) -> Array:
-        """(ACTIONS,) rounded: ties are in the order of the set, which fills the space evenly."""
+        """(ACTIONS,) rounded values. Ties keep the order of the set, which fills the space evenly."""
         key = np.ascontiguousarray(context).tobytes()
         if key not in self._worths:
             mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))

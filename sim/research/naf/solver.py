@@ -63,9 +63,9 @@ class NafSolver(FromSimulator):
         return tuple(replace(by_key[key], executable=executable, attempts=attempts) for key in keys)
 
     def _train(self, jobs: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
-        """(key, samples, seed) of each -> its policy.
+        """(key, samples, seed) of each distribution -> its policy.
 
-        Plans first, then trains in rounds every policy whose donor is ready.
+        It plans all trainings first. Then each round trains the policies whose donor is ready.
         """
         plans: list[TrainingPlan] = []
         record = self.memory.record

@@ -157,9 +157,10 @@ class _Data:
 
 
 def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
-    """Outputs (N, size + k), and the mask of known ones: an end state of a success only, nothing of a failed solver.
+    """Outputs (N, size + k), and the mask of known ones. Only a success has a known end state, and a failed solver has
+    no known output.
 
-    If a failure may earn, its reward is one more output, known of failures only.
+    If a failure may earn a reward, this is one more output, which is known only for failures.
     """
     rollouts = dataset.rollouts
     solved = rollouts.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
@@ -187,7 +188,7 @@ def _fit(
     progress: Callable[[int, int], None] | None,
     before: Tensors | None,
 ) -> dict[str, Tensor]:
-    """Each member on its own bootstrap of the data; the weights with the best validation loss."""
+    """Train each member on its own bootstrap of the data, and keep the weights with the best validation loss."""
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     widths = [data.x.shape[1], *[settings.hidden] * settings.layers, data.y.shape[1] + 1]
     weights = _initial(settings.members, widths, "w", "b", generator)

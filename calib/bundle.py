@@ -9,8 +9,8 @@ is not exactly where its joints say, which is a common twist of all corners. So 
 
 where `common` is the pose's covariance by smooth errors of one pixel, and G is the board's motion with each joint (or
 with a motion of the flange about itself, if joints are unknown). The sizes are estimated with everything else, by
-restricted maximum likelihood. Plain weights (`Weights.PIXELS`) leave out the last two terms: a bundle adjustment over
-pixels.
+restricted maximum likelihood. Plain weights (`Weights.PIXELS`) leave out the last two terms, which gives a bundle
+adjustment over pixels.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Stopping along a path, the only way a motion ends early; and the same path at a slower pace.
+"""Stops a motion along its path, which is the only way in which it ends early, and plays a path at a slower pace.
 
 The arm keeps to the path and only its clock slows, as hard as the limits permit.
 Path time s runs at v = ds/dt; q(s(t)) has the acceleration q' dv/dt + q'' v². So every limit of an

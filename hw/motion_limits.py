@@ -47,7 +47,7 @@ FLANGE = {
     "fr3": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
     "fr3v2": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
 }
-"""The maker's Cartesian limits of each model; the maker states none of the FR3 v2's own, so it has the FR3's."""
+"""The maker's Cartesian limits of each model; the maker states none for the FR3 v2, so it has those of the FR3."""
 
 
 @dataclass(frozen=True)

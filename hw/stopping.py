@@ -84,7 +84,7 @@ def _of_path(cell: Workcell, path: JointPath) -> WorstStop:
 
 
 def _travels_m(path: JointPath, braking: Braking, speed_m_s: Array) -> Array:
-    """(C,) the farthest that each body goes: unbraked until the stop begins, then along its tail.
+    """(C,) the largest travel of each body: unbraked until the stop begins, then along the braked path.
 
     A measured arm is behind its commands, so its remaining travel begins earlier by the lag.
     """

@@ -78,7 +78,9 @@ def _view(summary: SetSummary) -> dict[str, Any]:
 
 
 def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
-    """Mean reward against real trials, with its interval; `levels` are lines at references that need no trials."""
+    """Mean reward against real trials, with its interval; `levels` are the rewards of references that need no trials,
+    drawn as lines.
+    """
     canvas = Canvas(360, 200, f"Reward of {method.method} against trials")
     left, right, top, bottom = 38.0, 350.0, 12.0, 166.0
     x, y = Scale(0.0, float(method.trials[-1]), left, right), Scale(0.0, 1.0, bottom, top)

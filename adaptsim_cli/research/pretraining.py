@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from sim.tasks.task import Task
 
 ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
+"""Numbers of true rollouts of a verification: the usual one takes half a minute of one core, the short one about ten
+seconds.
+"""
 
 
 @dataclass(frozen=True)

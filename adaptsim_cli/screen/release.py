@@ -138,7 +138,7 @@ class Release:
             self.withdraw()
 
     def withdraw(self) -> None:
-        """No motion is released by a `y` any more."""
+        """Withdraw every `y`, so that none releases a motion any more."""
         self._released = ""
 
     def begun(self) -> None:

@@ -94,7 +94,7 @@ IDLE_READINGS = 500
 """The same after a motion or a recovery, until it reports Idle."""
 
 TAKEN_READINGS = 200
-"""The same until it reports the load that it was sent."""
+"""The same, until an arm reports the load that it was sent."""
 
 _PASSING = ("Move", "AutomaticErrorRecovery")
 """Modes that end by themselves."""

@@ -29,7 +29,7 @@ ALIKE = 0.02
 CLEAR = 3.0
 """A mass matrix has to be this many times nearer to its model than to every other one."""
 SAME_LIMIT = 1e-3
-"""Joint limits (rad, rad/s) that differ by less are one number, rounded."""
+"""Joint limits (rad, rad/s) that differ by less count as equal, because they are rounded."""
 LONGEST_URDF = 1_000_000
 """Characters; an FR3's description has 10,000."""
 

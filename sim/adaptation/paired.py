@@ -1,4 +1,4 @@
-"""A difference of paired rewards that may be read after every pair: by betting. Pure.
+"""Tests by betting whether paired rewards differ. The result may be read after every pair. Pure.
 
 A gambler bets against the claim "the mean difference is at most m". While the claim holds, the expected capital never
 grows, so the chance that it ever reaches 1/alpha is at most alpha (Ville's inequality): one may look after every pair

@@ -155,7 +155,7 @@ class MemorySession:
         )
 
     def play_trial(self, stage: RunTrial, policy: PolicySource) -> None:
-        """See `PlayableSession`; with all others of its particle."""
+        """See `PlayableSession`. All other trials of the particle are played at the same time."""
         self.played.append(self.play(policy(), stage.iteration, stage.particle))
 
     def keep_particles(self, stage: Adapt, history: Sequence[Iteration], particles: tuple[Particle, ...]) -> None:

@@ -196,7 +196,7 @@ class SimOpt:
 
 
 def _bounded_weights(cost: Array) -> Array:
-    """(N,) weights of samples by their `cost` (N,), which make it as low as the bound on the divergence allows (Peters
+    """(N,) weights of samples. They lower the mean of `cost` (N,) as far as the bound on the divergence allows (Peters
     et al. 2010).
 
     The temperature minimises the dual function.

@@ -29,7 +29,7 @@ def end_state(track: ObjectTrack) -> Array:
 
 
 def reward_of_success(excess: Array, context: Array) -> Array:
-    """1 - 10 (J - J*) / J*, at least 0, for (..., 1) -> (...)."""
+    """1 - 10 (cost - least cost) / least cost, at least 0, for (..., 1) -> (...)."""
     return np.clip(1.0 - STEEPNESS * excess[..., 0], 0.0, 1.0)
 
 

@@ -199,7 +199,7 @@ def end_state(track: ObjectTrack) -> Array:
 
 
 def reward_of_success(end_in_tool_m: Array, context: Array) -> Array:
-    """1 - 0.2 min(1, distance from the blade's centre / 5 cm) (public code), for (..., 2) -> (...)."""
+    """1 - 0.2 min(1, distance from the blade's centre / 5 cm), for (..., 2) -> (...); from the public code."""
     distance_m = np.hypot(end_in_tool_m[..., 0] + BLADE_LENGTH_M / 2, end_in_tool_m[..., 1])
     return 1.0 - _FAR_COST * np.minimum(1.0, distance_m / _FAR_M)
 

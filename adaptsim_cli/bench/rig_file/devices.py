@@ -125,7 +125,7 @@ OFFERED_INSTRUMENTS = Registry[DeviceKind[Any, Any]](
     ours=INSTRUMENTS,
     error=DeviceUnavailable,
     value_type=DeviceKind,
-    complaint=lambda name, kind: "" if kind.measure is not None else "has no `measure`, so it is no instrument",
+    complaint=lambda name, kind: "" if kind.measure is not None else "has no `measure`, so it is not an instrument",
 )
 """Our instruments, and those of installed packages."""
 

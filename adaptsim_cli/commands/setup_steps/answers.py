@@ -187,7 +187,7 @@ def _continued(file: Path, screen: Screen) -> RigDescription:
     content, dropped = without_old_waivers(file)
     if dropped:
         screen.note(
-            f"{file} waives {', '.join(dropped)} in the way of an older version. This ends now: each is required, or "
-            "asked for again with a reason"
+            f"{file} waives {', '.join(dropped)} in the way of an older version, which no longer counts. Each of these "
+            "safeguards is required, or you are asked for a reason to go without it"
         )
     return described(content, str(file), tasks_with_tools())

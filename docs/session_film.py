@@ -49,7 +49,7 @@ LOOKS = 12
 """The longer a step has lasted, the rarer it is looked at: after a part of its time so far, one in this many."""
 TYPED = 3
 """Letters of the command in one picture of the film."""
-STOPS, STOP_S = 12, 1.3
+STOPS, STOP_S = 12, 1.7
 """Number of stops at which the report is shown, and the time of each."""
 SHORT_PX, SHORT_PICTURES, SHORT_S = 640, 16, 1.0
 """Width of the film in README.md, number of its pictures, and the time of each."""
@@ -59,11 +59,6 @@ STEP = re.compile(r"(?:[⠀-⣿] )?(\S.*?)[:\s]+\d+ s")
 ADDRESS = re.compile(r"Live page: (http\S+)")
 FOLLOW = "window.scrollTo({top: state.judged ? 1e5 : 0, behavior: 'smooth'})"
 """The live page is scrolled down once a trial is tracked, as its reader would do."""
-HOME_AS_TILDE = """(home => {
-  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  while (texts.nextNode()) texts.currentNode.data = texts.currentNode.data.replaceAll(home, '~');
-})"""
-"""Written in the page as people write it: the home folder of the film is a folder of the computer that makes it."""
 TERMINAL = f"""<meta charset="utf-8"><style>
 body {{ margin: 0; background: #14181d; overflow: hidden }}
 pre {{ margin: 0; padding: 10px 8px; font: 12px/17px "DejaVu Sans Mono", monospace; color: #e4e2dc; height: 664px }}
@@ -180,10 +175,11 @@ def size_page(page: Tab) -> None:
 
 
 def photo(page: Tab, folder: Path) -> str:
-    """The name of a picture of the page as it is now, without the name of the home folder."""
+    """The name of a picture of the page as it is now."""
     name = f"{time.time_ns()}.png"
-    page.script(f"{HOME_AS_TILDE}({json.dumps(str(folder / 'home'))})")
     (folder / name).write_bytes(picture(page))
+    is_private = page.script(f"document.body.innerText.includes({json.dumps(str(folder))})")
+    assert not is_private, "the page shows a path of this computer"
     return name
 
 

@@ -15,6 +15,7 @@ import cv2
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import place
 from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
@@ -97,7 +98,7 @@ class LiveView:
 
     def reported(self, path: Path) -> None:
         """See `Watcher`."""
-        self._set(report=str(path))
+        self._set(report=place(path))
 
     def _picture(self, jpeg: bytes) -> str:
         self._count += 1

@@ -29,8 +29,7 @@ from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02
 """Prior standard deviation of a joint's zero. It is far larger than that of a working arm, and only fixes unobservable
-directions.
-"""
+directions."""
 
 SCALE_PRIOR = 0.1
 _FLANGE_LEVER_M = 0.5  # if only poses are known: 1 mrad goes with 0.5 mm

@@ -29,8 +29,7 @@ from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
 """Limit of a view's squared residual, with six degrees of freedom. If errors are normal, one good view in ten thousand
-exceeds it.
-"""
+exceeds it."""
 
 MARGIN = 1.4
 """Factor on `LIMIT`, because the noise is estimated from the same few views."""

@@ -131,8 +131,7 @@ STOP_S = 0.4
 """The longest time from the wish to stop to standstill. A path that cannot be stopped in it is refused."""
 LONGEST_S = 0.35
 """The longest stop. The rest of `STOP_S` is the time until the next moment at which a stop may begin, and the arm's
-lag.
-"""
+lag."""
 STOPS_EVERY_S = 0.01
 """The time between the moments of a path at which a stop is planned, and so may begin."""
 HEARD_S = WORD_EVERY_S + DT_S

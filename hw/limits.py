@@ -43,8 +43,7 @@ COLLISION_SHARE = 0.8
 GEOMETRY_STEP_S = 0.01
 SAG_M = 0.0005
 """How much nearer two bodies may come within a `GEOMETRY_STEP_S` than if they moved on straight lines: at 13 m/s², 0.2
-mm for each.
-"""
+mm for each."""
 
 
 @dataclass(frozen=True)

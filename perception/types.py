@@ -16,8 +16,7 @@ REST_S = 0.1
 SETTLE_S = 2.0
 """In training, in the lab and before a camera, a trial is over once the object has been slower than this (m/s) for
 `REST_S`, relative to the table or to the tool that carries it; at the latest `SETTLE_S` after the tool's motion. Then
-it is judged, while the tool is where its motion ended (docs/decisions/0003).
-"""
+it is judged, while the tool is where its motion ended (docs/decisions/0003)."""
 
 
 _SAME_S = 1e-6

@@ -51,8 +51,7 @@ class Dimension:
     """How far beyond its range the scene was tried; None if it was not tried beyond."""
     limits: tuple[float, float] | None = field(default=None, compare=False)
     """Ends of the physically possible values, within which an exact simulator may search; None if they are those of the
-    margin.
-    """
+    margin."""
     default: float | None = field(default=None, compare=False)
     """The value in a world that does not state it; None if each world has to state it."""
     words: tuple[str, ...] = field(default=(), compare=False)

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 Policy = Callable[["Array"], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
 """A function of the context (c,) that returns an action in units, or one action for all contexts. An action is given as
-numbers or by name.
-"""
+numbers or by name."""
 
 
 def tasks() -> Rows:

@@ -66,8 +66,7 @@ class BestAction:
 
 Robot = Callable[[Question], Mapping[str, Any]]
 """A function that plays a trial and returns the arguments of `Session.tell` by name, e.g. `{"end": [0.7, 0.1, 0.03],
-"outcome": "upright"}`.
-"""
+"outcome": "upright"}`."""
 
 
 @dataclass(frozen=True, repr=False)

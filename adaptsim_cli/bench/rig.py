@@ -76,8 +76,7 @@ class Tracker:
     """(track, detection, recording) -> the track. If a picture shows the arm at home, its outcome is the one seen
     there.
 
-    For a task that carries its object.
-    """
+    For a task that carries its object."""
     lies_at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack | None] = lambda *_: None
     """The same for a trial whose end is hidden -> the track with its outcome; None if no picture shows it."""
 
@@ -128,8 +127,7 @@ class Rig:
     """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
     await_enabled: Callable[[str, JointPath], None] = lambda what, path: None
     """Waits until the operator lets a motion begin, before any recording. `what` describes the motion, and the path is
-    the one that is played. Raises StoppedByOperator, MotionRefused.
-    """
+    the one that is played. Raises StoppedByOperator, MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
     """Further checks before a session."""
     pace: float = 1.0  # of every motion; below 1 a trial is a rehearsal, which counts for nothing

@@ -20,8 +20,7 @@ from sim.types import Space
 
 Policy = Callable[[Array], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
 """A function of the context (c,) that returns an action in units, or one action for all contexts. An action is given as
-numbers or by name.
-"""
+numbers or by name."""
 
 Through = Literal["direct", "lab"]
 """Without arm or camera, or the whole simulated lab: arm, camera and tracking."""

@@ -35,8 +35,7 @@ from sim.tasks.task import Executable, Task
 ATTEMPTS, INWARD = 6, 0.02
 """The most placements until the object is found and no limit forbids the motion. After each, it is moved inward by this
 share of the area, as the message asks, because at the rim the errors of the hand and of the first picture put most
-placements outside.
-"""
+placements outside."""
 
 
 class Nobody:

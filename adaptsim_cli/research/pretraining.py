@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 ROLLOUTS, QUICK = 240, 96
 """Numbers of true rollouts of a verification: the usual one takes half a minute of one core, the short one about ten
-seconds.
-"""
+seconds."""
 
 
 @dataclass(frozen=True)

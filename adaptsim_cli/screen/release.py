@@ -69,8 +69,7 @@ class Release:
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
     """Call it after the task's own motion, or a whole series, was played to its end; the approach and the way home do
-    not count.
-    """
+    not count."""
     _released: str = field(default="", init=False)  # digest of the one motion that a `y` lets begin; "": none
     _run: tuple[str, str] | None = field(default=None, init=False)
     _run_released: bool = field(default=False, init=False)  # the arm's model was typed for the rest of the run

@@ -20,8 +20,7 @@ class Reply:
 
     data: Mapping[str, Any] | BaseModel | None = None
     """The output with --json, an object of the command's model in `outputs/catalogue.py`; None if nothing is left to
-    print.
-    """
+    print."""
     text: Sequence[RenderableType] = ()
     """The same for a person, unless JSON is printed. A string stays on one line, so that paths can be copied."""
     next: Sequence[Step] = ()

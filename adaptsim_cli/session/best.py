@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 FORMAT = 1
 A_SIDE, MOST = 9, 81
 """Contexts at which a policy is exported: this many along each of two quantities; with more quantities, this many in
-all.
-"""
+all."""
 
 
 @dataclass(frozen=True)

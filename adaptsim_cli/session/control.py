@@ -34,8 +34,7 @@ class ControlPolicy:
 
 ITERATIONS, GAINS = 5, (0.2, 0.4)
 """The assumed number of iterations if a session states no number of pairs, and the gains for which it says whether they
-can be shown.
-"""
+can be shown."""
 
 ControlPolicies = Callable[[], tuple[ControlPolicy, ...]]
 """Trains the policies of a control. Each trial is made by one of them, drawn at random, so the control is their mean.

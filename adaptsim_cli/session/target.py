@@ -100,8 +100,7 @@ class SessionParts:
     worth: tuple[str, ...] = ()  # sentences about the checkpoint, before the first trial
     train_policies: Callable[[Screen], bool] | None = None
     """Trains the missing policies of the session, and returns whether there are new ones, so that the parts have to be
-    opened again. None if the task trains no policies in a session.
-    """
+    opened again. None if the task trains no policies in a session."""
     rollouts: KeptRollouts | None = None  # of the direct solver; None: Phase 1 simulated them
 
 

@@ -37,8 +37,7 @@ DRAWN = 64
 
 MARGIN = 0.1
 """An end is outside if it lies this share of the task's observation range beyond all predicted ones, because place and
-action of a real trial have errors too.
-"""
+action of a real trial have errors too."""
 
 
 @dataclass(frozen=True)

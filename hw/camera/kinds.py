@@ -26,8 +26,7 @@ class CameraKind:
     install: str = ""  # how to install what it needs, for a message
     probe: Callable[[float], ProbeReport] | None = None
     """The same within so many seconds, with a report about its library. If it is None, `find` is called in a child
-    process.
-    """
+    process."""
 
 
 KINDS = {

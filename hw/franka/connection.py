@@ -45,8 +45,7 @@ NO_FILTER_HZ = 1000.0
 """libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
 
 libfranka's rate limiter is off for the same reason. It would turn a jump of the commands into a chase at full speed
-(`limitRate` in its rate_limiting.cpp). Without it, the arm refuses the jump.
-"""
+(`limitRate` in its rate_limiting.cpp). Without it, the arm refuses the jump."""
 
 Drive = Callable[[Any, Any, Step], None]
 """(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last.

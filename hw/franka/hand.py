@@ -47,8 +47,7 @@ class NothingGrasped(HandError):
 
 Answer = HandState | HandError | DeviceUnavailable | Stopped | Widths
 """The answer to a call; that to `WIDTHS` has rows. A HandError says that the call failed, DeviceUnavailable that the
-hand is lost.
-"""
+hand is lost."""
 
 
 class FrankaHand:

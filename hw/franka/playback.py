@@ -34,8 +34,7 @@ STEP_RAD = 3e-6
 and 3000 rad/s³, which every joint of all arms may do. States in single precision differ by less."""
 FADE_TICKS = 500
 """A larger difference fades over this many milliseconds, because a trajectory has to begin at the arm's most recent
-`q_d` (control_parameters.rst of the maker's FCI documentation).
-"""
+`q_d` (control_parameters.rst of the maker's FCI documentation)."""
 GAP_S = 0.02
 """The longest time between two cycles, on the arm's clock: the arm stops by itself after 20 lost commands in a row."""
 STILL_RAD_S = 0.01

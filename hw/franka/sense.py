@@ -21,8 +21,7 @@ LEAST_NOISE_NM = 2e-4
 joint, 0.03 Nm."""
 APART_RAD, APART_JOINTS = 0.05, 3
 """Least difference of two postures, and least number of joints that differ by it, because the ripple of a single joint
-may be equal at both.
-"""
+may be equal at both."""
 UNLIKELY = 40.0
 """Sum over the joints of the squared change of the mean over its squared standard error. Noise around a constant
 exceeds it once in 800,000 times (chi-squared, 7 degrees of freedom); simulated ripple gives hundreds."""

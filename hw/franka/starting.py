@@ -20,8 +20,7 @@ network.h) and reads no state meanwhile. Below 0.05 s one slow answer refuses a 
 latches: nobody presses it and pulls it again within 0.5 s. libfranka itself gives up after 1 s without a state."""
 START_RANGE_S = (0.5, 2.0)
 """Three commands pass between the check and the first cycle, and the answer to each comes at most one `tcp_timeout` of
-libfranka (1 s) late. After 2 s a person may have changed the lab.
-"""
+libfranka (1 s) late. After 2 s a person may have changed the lab."""
 HELD_RANGE_RAD = (3e-6, 1e-4)
 """States are in single precision, which is exact to 2e-7 rad: 3e-6 rad is what one step may command (3 rad/s² and
 3000 rad/s³). 1e-4 rad are 0.1 mm at 1 m, a twentieth of the smallest clearance (2 mm over the table); faded over 0.5 s

@@ -40,8 +40,7 @@ def matte(rgb: NDArray[np.uint8], piece: Array, others: tuple[Array, ...]) -> Ar
 
 _BLACK, _GREY = 0.30, 0.60
 """Two brightnesses, as shares of the table's. Up to the first, a pixel is as dark as a dark piece; from the second on,
-it is table, even in a shadow, which leaves 0.72 of the coded values.
-"""
+it is table, even in a shadow, which leaves 0.72 of the coded values."""
 
 
 def brightness(rgb: NDArray[np.uint8]) -> Array32:
@@ -59,8 +58,7 @@ _SURE, _FEWEST = 0.9, 8
 _LIT = 80.0
 _DARKEST, _DARK = 0.2, 0.5
 """Two brightnesses, as shares of the piece's own in this picture. Below the first, a pixel on the tool shows only the
-tool; above the second, it may show the piece.
-"""
+tool; above the second, it may show the piece."""
 
 
 def without_halo(share: Array32, rgb: NDArray[np.uint8], on_tool: NDArray[np.bool_]) -> Array32:

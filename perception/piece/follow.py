@@ -205,8 +205,7 @@ def _evidence(
 
 _RISEN, _RISES = 0.25, 0.35
 """A reading in front of the tool begins to count as the piece from the first share of the piece's height, and counts
-fully this much higher.
-"""
+fully this much higher."""
 
 
 def _table_brightness(rig: TrackingSetup, frame: Frame) -> float:

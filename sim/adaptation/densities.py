@@ -19,8 +19,7 @@ UNSURE = 0.1
 
 ANOTHER_STD = 0.02
 """Standard deviation of the parameters of another object or table of the same kind, as a share of the margin. It is our
-choice: for the next session no posterior is sharper, however exact it is for its own.
-"""
+choice: for the next session no posterior is sharper, however exact it is for its own."""
 
 _NARROWEST = 1e-9  # least variance of a kernel, in squared fractions of the box
 _TRIED = 256  # draws of each kernel, to find those inside of the box

@@ -33,8 +33,7 @@ SIGNAL_STD = 0.2
 
 LENGTH = 0.3
 """Distance over which the expected reward varies, in fractions of the ranges and over all parameters: two steps of
-0.15.
-"""
+0.15."""
 
 
 def choose_best(task: Task, history: Sequence[Iteration]) -> Best:

@@ -22,8 +22,7 @@ WORTHWHILE = 0.05
 
 ENOUGH = 2
 """Number of iterations after which a session is done. The second one is the first that tries a policy chosen by trials,
-and no other rule has shown more skill than this one (docs/decisions/0018-refine-where-the-weight-is.md).
-"""
+and no other rule has shown more skill than this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
 
 REFUTED = 0.5
 """The latest iteration refutes its leading policy if that earned less than this share of the predicted reward."""

@@ -28,8 +28,7 @@ ALPHA = 0.05
 
 ALPHA_SHOWN = 0.04
 """The part of ALPHA that is spent on the lower end and on the claim of a gain, which is the question. The rest is spent
-on the upper end.
-"""
+on the upper end."""
 
 PAIRS = 60
 """Planned pairs, unless a session states another number."""
@@ -42,8 +41,7 @@ WORTH = 0.05
 
 BETS = np.array([0.9, 0.5, 0.25, 0.12, 0.06, 0.03])
 """Shares of the capital at stake. The largest shares show large differences early, and only the smallest find small
-ones.
-"""
+ones."""
 
 SHARES = np.array([0.40, 0.30, 0.12, 0.08, 0.06, 0.04])
 """Shares of the first capital behind each bet."""

@@ -38,8 +38,7 @@ DRAWN, GENERATIONS = 256, 4
 
 LEAST_EFFECTIVE = 10.0
 """Least number of effective samples for an interval, because a grid of fewer vectors than `RESOLVED` cannot be
-tempered.
-"""
+tempered."""
 
 COLLAPSED = "collapsed onto one sample: not an interval"
 """Shown instead of an interval."""

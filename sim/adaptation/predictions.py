@@ -38,8 +38,7 @@ STAKES, DEAREST = (0.5, 0.95), 6.0
 """Shares of the largest possible bet at stake, each with half of the capital, and the limit of that bet.
 
 The larger share finds trials that all fail, the smaller one a mixture. The limit keeps a small error from refuting
-predictions near 0 or 1.
-"""
+predictions near 0 or 1."""
 
 TOO_HIGH, TOO_LOW, DISORDERED = 0.6, 0.15, 0.25
 """Shares of the first capital that bet on lower rewards, on higher ones, and on the reverse order."""

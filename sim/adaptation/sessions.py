@@ -27,8 +27,7 @@ Progress = Callable[[str, str], AbstractContextManager[None]]
 
 PolicySource = Callable[[], SolvedPolicy]
 """The task policy of a trial, which is trained on the first call. A trial that continues from its recording needs no
-policy.
-"""
+policy."""
 
 Policies = dict[tuple[int, int], SolvedPolicy]
 """(iteration, particle) -> its task policy; only those of the newest iteration."""

@@ -58,8 +58,7 @@ TOUCH_S = 15.0
 LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
 """Blur and JPEG quality of a Kinect's colour stream.
 
-Pictures of trials have neither, because they do not need a tenth of a pixel.
-"""
+Pictures of trials have neither, because they do not need a tenth of a pixel."""
 
 _LAID, _TOUCHED = 3, 4  # streams of `view_stream`, besides those of the pictures
 _HAND = "panda_hand"

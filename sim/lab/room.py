@@ -18,8 +18,7 @@ from sim.tasks.task import Task
 
 TRIAL_S, ATTEMPT_S = 1000.0, 50.0
 """Placing sets the clock to `trial` times the first value plus `attempt` times the second, so that times depend on
-nothing else.
-"""
+nothing else."""
 
 TRAVEL_PERIOD_S = 0.005
 CHECK_PERIOD_S = 0.02

@@ -31,8 +31,7 @@ from sim.types import Visual
 FORMAT = 1
 SCENE, TOOL, TABLE = "trial", "tool", "table"
 """Names of the whole scene and of two of its models: the carriage with the tool, and everything fixed. The object's
-model has the name of its body.
-"""
+model has the name of its body."""
 _AXES = ("x", "y", "z")
 
 

@@ -29,8 +29,7 @@ GUIDING_S = 15.0
 """The time that a person takes for one set-down."""
 AIM_M, TURN_RAD = 0.01, 0.04
 """The error of place and direction when a person holds the tool: one standard deviation along each axis, and of pitch
-and yaw.
-"""
+and yaw."""
 _Q7 = 61
 _MARGIN_RAD = 0.03
 

@@ -38,8 +38,7 @@ from sim.types import Space
 
 _EXAMPLE = 2001
 """Number of moments of the trajectory with which the names of a measure are found; it exceeds the indices that a
-measure uses.
-"""
+measure uses."""
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")

@@ -95,8 +95,7 @@ _MARGIN_PX, _BENT_PX = 3, 140.0
 """Margin around a projection, because rays do not pass exactly through the pixel centres, and the lens bends straight
 edges.
 
-A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length.
-"""
+A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length."""
 _FOV_MARGIN = 1.05  # the distortion polynomial is not trusted beyond the corners of the image
 
 

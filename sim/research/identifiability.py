@@ -17,8 +17,7 @@ SESSIONS, TRIALS = 24, 8
 
 SETTLES, PARTLY = 0.5, 0.85
 """A parameter settles, or settles in part, if its error after a session is below this fraction of the error without
-trials.
-"""
+trials."""
 
 
 def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None) -> Array:

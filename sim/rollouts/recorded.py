@@ -26,18 +26,15 @@ START_M = 0.10
 """How far from its known start an object may begin (m)."""
 _REST_SHARE, _REST_S = 0.01, 0.1
 """An object is at rest if it moves by less than the first value, a share of the range of observations, during the last
-seconds (the second value).
-"""
+seconds (the second value)."""
 ASIDE_M, _ASIDE_TRIALS = 0.03, 3
 """The recordings use another frame if the starts of at least as many trials as the second value all lie on the same
-side of the known place, with a median distance of more than the first value (m).
-"""
+side of the known place, with a median distance of more than the first value (m)."""
 _ALIKE = 0.002
 """Trajectories that differ by less than this share of the range of observations are the same."""
 _COPY, _COPIED_MOVES = 1e-4, 0.05
 """Two shares of the range of observations. Trajectories are copies if they move by more than the second share and agree
-within the first at every observed moment.
-"""
+within the first at every observed moment."""
 LEAST = 8
 """Least number of trials: four for a session of two particles with one trial each, and four for the scores."""
 

@@ -27,8 +27,7 @@ CHUNK, CALLS = 8, 16
 """The most rollouts per call of a worker. They are half a second of work, so that little is repeated after a crash.
 
 There are fewer per call if there would be less than this many calls, so that even the two trials of a session's step
-keep two workers busy.
-"""
+keep two workers busy."""
 
 IN_FLIGHT = 4096
 """Chunks of under 2 KB in the executor's queue at a time. They are enough for a thousand workers, and bound the queue.

@@ -20,8 +20,7 @@ Mark = Literal["kept", "doubtful", "broken"]
 
 SPREAD, MOST, LEAST = 24, 512, 8
 """Number of rollouts all over the ranges, besides those at their ends: the largest for quick rollouts, the smallest for
-slow ones.
-"""
+slow ones."""
 
 MOST_NUMBERS = 10_000_000
 """Numbers in the states of all these rollouts, which stay in memory."""

@@ -25,12 +25,10 @@ WRONG_WAY_DEG = 30.0
 """The most by which the direction from start to end may differ from those of all simulations."""
 DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
 """The positions drift if the objects creep alike in at least as many trials as the last value. Creeping means faster
-than the first value (m/s) for the second one (s), both at rest and before they exceed the third (m/s).
-"""
+than the first value (m/s) for the second one (s), both at rest and before they exceed the third (m/s)."""
 _FAST_M_S, HELD_S = 0.3, 0.08
 """If a place is repeated for longer than the first value (s) while the object is faster than the second (m/s), it was
-not measured again.
-"""
+not measured again."""
 STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
 """Friction stops no object faster than the first value (m/s²). The speed is measured over this many steps, and as many
 follow."""

@@ -23,8 +23,7 @@ from sim.types import PredictedOutcomes
 
 SCENARIOS, VARIED = 8, 4
 """The most parameter vectors that represent a distribution, and the least number of draws if trials of one action
-differ.
-"""
+differ."""
 
 BASE, PER_DIMENSION = 8, 4
 """Number of actions with which a search begins: a base number, and a number for each quantity that they fill."""

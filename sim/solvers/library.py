@@ -28,8 +28,7 @@ SAMPLES, EVERYWHERE = 16, 64
 
 SPREAD = 0.5
 """Standard deviation of the parameters for which a member is trained, as a share of D, the distance up to which it is
-reused.
-"""
+reused."""
 
 ROLLOUTS = 2048
 """Number of rollouts of all members together at the points of the grid of parameters, which has at most 256 points."""

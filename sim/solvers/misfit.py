@@ -10,8 +10,7 @@ from sim.tasks.task import Expectations
 
 DRAWS = 512
 """Number of parameter vectors to try, and of nuisances with action errors. Together they span the trajectories of one
-action.
-"""
+action."""
 
 LEAST_STD = 2e-3
 """Least tolerated deviation, normalised: smaller ones are below the camera's pixels."""
@@ -20,8 +19,7 @@ VALUES, FREEDOM = 4.0, 2.0
 """The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
 errors.
 
-The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters.
-"""
+The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters."""
 
 
 def misfit(expectations: Expectations, context: Array, action: Array, observation: Array) -> float:

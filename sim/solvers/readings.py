@@ -28,8 +28,7 @@ BETTER = 0.75
 FAR, NEAR = 4.0, 1.5
 """A trial alone counts as wrong if its misfit as written exceeds the first value times the limit of misfits, and falls
 below the second value times that limit under another reading. No honest trial of drawn worlds does this
-(`benchmarks/contradictions.py`).
-"""
+(`benchmarks/contradictions.py`)."""
 LISTED = 8
 """The most names of trials in a sentence."""
 _SHIFTS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

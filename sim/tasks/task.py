@@ -38,8 +38,7 @@ class AdaptationSettings:
     trial_std: float = 0.4
     """Standard deviation of single trials around their expectation.
 
-    The default is almost that of a coin, because most rewards of contact tasks are near 0 or near 1.
-    """
+    The default is almost that of a coin, because most rewards of contact tasks are near 0 or near 1."""
     end_moments: int = 1
     """Number of the last moments of an observation, which are all that the state-only variants see."""
 
@@ -148,8 +147,7 @@ class Simulate(Protocol):
 
 SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
 """Many rollouts at once, for a task that is cheaper in stacks: (N, p), (N, c), (N, a), (N, n) -> N tracks. Each track
-is the same as that of `Simulate`.
-"""
+is the same as that of `Simulate`."""
 
 
 @dataclass(frozen=True)
@@ -210,8 +208,7 @@ class Task:
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
     training: TrainedPolicies | None = None
     """How it trains policies (`sim.tasks.library`). Then its `simulate` takes a policy as the action, and `action`
-    names the parameters for which a policy was trained. None if actions are numbers.
-    """
+    names the parameters for which a policy was trained. None if actions are numbers."""
     hardware: Hardware | None = None  # None: it runs in simulation only
     report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None

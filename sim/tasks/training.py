@@ -20,8 +20,7 @@ class TrainedPolicies:
     `samples` are parameters by name (`samples[0].mu`), drawn from the distribution to train for."""
     load: Callable[[Any], Any] | None = None
     """The stored arrays, state of the module (name -> tensor), or folder -> the policy. None if the arrays are the
-    policy.
-    """
+    policy."""
     policies: int = 16  # members of the library of Phase 1, one of them trained in all of Omega
     train_in_session: bool = False  # whether a particle far from every member trains another one
     time_limit_s: float = 600.0  # of one training in a session

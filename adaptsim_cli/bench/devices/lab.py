@@ -27,14 +27,12 @@ if TYPE_CHECKING:
 BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None, Release]
 """Arm and camera, connected, with the board in the gripper; the camera's frames have an infrared image. The third
 element pauses for so many seconds, except in the simulated lab. The fourth handles the board; it is None if a person at
-the terminal does. The last one asks the questions that let the arm move.
-"""
+the terminal does. The last one asks the questions that let the arm move."""
 
 TouchDevices = tuple[Arm, Hand | None, Callable[[float], None], PersonAtTool | None, Release]
 """The arm, connected, and the hand that holds its tool, or None if the tool is screwed on. The third element pauses for
 so many seconds, except in the simulated lab. The fourth guides the arm; it is None if a person at the terminal does.
-The last one asks the questions that let the hand move.
-"""
+The last one asks the questions that let the hand move."""
 
 
 class Lab(Protocol):

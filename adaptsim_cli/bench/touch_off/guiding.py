@@ -32,8 +32,7 @@ from sim.panda.setting_down import TABLE, SetDown, middle, pitch_rad
 
 FAR_M = 0.05
 """If an end of the tool seems farther than this from the expected table, it is not set down, or the rig file is of
-another lab.
-"""
+another lab."""
 TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
 _KEPT = "Nothing was stored; a touch-off that is in use stays in use."

@@ -37,8 +37,7 @@ from sim.types import Space
 
 NEAR = 0.05
 """An action counts as impossible if one was impossible that differs by at most this share of each range, in a context
-as near.
-"""
+as near."""
 COMPARED_AT = (4, 8, 16)
 """Numbers of answers after which all of them are compared with the simulator under other readings."""
 

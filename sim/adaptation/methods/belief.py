@@ -30,8 +30,7 @@ from sim.tasks.task import Expectations, Task
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
 """Standard deviations of real rewards from the simulator's: one for all E together, and one that varies over E.
-`LENGTH`, in fractions of the ranges, is the distance over which it varies.
-"""
+`LENGTH`, in fractions of the ranges, is the distance over which it varies."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSimBelief:

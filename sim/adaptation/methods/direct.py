@@ -34,8 +34,7 @@ from sim.tasks.task import Executable, SolvedPolicy, Task
 
 SCENARIOS = 3
 """Number of parameter vectors for which the first particle's policy is searched: the best fit, and draws from the
-posterior.
-"""
+posterior."""
 
 CLOUD = 12
 """Number of parameter vectors that fill the margin; a fit begins from the best one."""

@@ -33,8 +33,7 @@ SCREENED, STARTS = 256, 8
 
 SIMULATED, SAMPLES = 1024, 64
 """Number of draws of SimOpt's Gaussian for an update, and of draws for which its task policy is trained, as many as for
-UDR.
-"""
+UDR."""
 
 FIRST_STD, LEAST_STD = 0.25, 0.01
 """Standard deviation of SimOpt's first Gaussian, and the smallest one, in fractions of the ranges."""

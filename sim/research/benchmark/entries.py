@@ -36,8 +36,7 @@ LIMITS = (ORACLE, BEST_ACTION)
 
 REFINEMENTS, POINTS, ELITE = 24, 64, 8
 """The search for the gain with the best mean reward: number of rounds, of candidates in a round, and of candidates that
-are kept.
-"""
+are kept."""
 
 
 @dataclass(frozen=True)

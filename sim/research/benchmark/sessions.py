@@ -26,8 +26,7 @@ from sim.types import Estimate
 
 SCREENING, FINAL = 16, 6
 """Trials per policy in the oracle's first round, after which `FINAL` policies are left. These get as many trials as a
-score.
-"""
+score."""
 
 Commands = Callable[[Array], Array]
 """Contexts (N, c) -> actions (N, a)."""

@@ -60,8 +60,7 @@ BAND_M = BOTTLE_HEIGHT_M - BASE_HEIGHT_M
 
 SPEED_M_S = float(ACTION.low[1] + ACTION.high[1]) / 2.0
 """The impact, in the middle of the range, for which wall and plate match the stiffness and bounce of hydroelastic
-contact.
-"""
+contact."""
 
 
 def simulate(

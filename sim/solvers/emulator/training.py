@@ -60,8 +60,7 @@ SMALLEST = 64
 TEMPERATURE_SPREAD = 0.5
 """Prior standard deviation of the logarithm of the temperature.
 
-Without a prior, every prediction would become certain if 150 held-out rollouts happened to be predicted well.
-"""
+Without a prior, every prediction would become certain if 150 held-out rollouts happened to be predicted well."""
 
 
 @dataclass(frozen=True)

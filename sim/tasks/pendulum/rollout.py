@@ -82,8 +82,7 @@ def exponential(matrices: Array) -> Array:
 _HALVINGS, _ORDER = 9, 12
 """Norms up to 100 become 0.2, where twelve terms are exact to rounding.
 
-The numbers are fixed, so that a result does not depend on the rest of the stack.
-"""
+The numbers are fixed, so that a result does not depend on the rest of the stack."""
 
 
 def _stack(a: Array, b: Array, c: Array, d: Array) -> Array:

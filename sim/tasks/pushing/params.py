@@ -124,13 +124,11 @@ NUISANCE = Space(
 )
 """Offset of the bottle from `START_M`.
 
-Every corner passes the 5 mm check before a motion; the spread of 2 mm is that of a steady hand.
-"""
+Every corner passes the 5 mm check before a motion; the spread of 2 mm is that of a steady hand."""
 
 ACTION_NOISE: Array = frozen_array([0.01, 0.01], (2,))
 """Half-width of the uniform error of an executed action, in the order of `ACTION`. It is our choice, because the paper
-states none here.
-"""
+states none here."""
 
 REFERENCE_CONTEXT: Array = frozen_array([0.85, 0.0], (2,))
 

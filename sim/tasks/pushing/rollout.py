@@ -39,8 +39,7 @@ ARM = Compliance(
     inertia_kg_m2=0.01,
 )
 """It is stiffer than an arm and has no coupling, because a bottle of 0.3 kg moves the plate only by micrometres in both
-cases (tests/sim/lab/test_lab_agreement.py).
-"""
+cases (tests/sim/lab/test_lab_agreement.py)."""
 
 STILL_MOVING = f"the bottle is still moving {SETTLE_S:g} s after the push"
 """The flag of a bottle that still moved when it was judged."""

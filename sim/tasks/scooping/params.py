@@ -65,8 +65,7 @@ CONTEXT = Space(
 """Place of the middle of the piece's near side on the table, in the base frame.
 
 The centres of the largest pieces of training lie in the 8 x 6 cm of the public code, X 0.64 to 0.72 m. The near side
-decides where the blade starts, so a piece of any size is scooped alike.
-"""
+decides where the blade starts, so a piece of any size is scooped alike."""
 
 ACTION = Space(
     (
@@ -132,8 +131,7 @@ LIP_M = 0.0002
 
 SQUARE_LIP_M = 0.0011
 """The highest lip, which is a square edge without a bevel. The underside lies 0.1 mm above the corners that ride on the
-table, so that only these touch it.
-"""
+table, so that only these touch it."""
 
 EDGE_STIFFNESS_N_M = 2e5
 """Stiffness of each corner of the edge against the table in training: nearly rigid."""

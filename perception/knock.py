@@ -16,18 +16,16 @@ from perception.types import ObjectTrack
 Grey = NDArray[np.uint8]
 
 _WIDTH_PX = 320
-_CELL_PX = 16
-"""One point is followed in each square of this size, so that the arm with its many corners counts by its area."""
-_CLEAREST = 0.003
-"""Least corner strength of such a point, as a share of the strongest one."""
-_RETURNS_PX = 0.3
-"""A point is followed if it comes back to its place within this distance when it is followed backwards."""
-_POINTS = 12
-"""Least number of followed points from which a movement is concluded."""
-_STILL_PX, _STILL = 0.5, 0.2
-"""A knock leaves at most this share of the points within the first distance of their places."""
-_MOVED = 0.004
-"""Share of the picture's width by which half of the points move at least: 5 px of 1280."""
+_CELL_PX, _CLEAREST = 16, 0.003
+"""One point is followed in each square cell, so that the arm with its many corners counts by its area; its least corner
+strength is the second number, as a share of the strongest one.
+"""
+_RETURNS_PX, _POINTS = 0.3, 12
+"""A point counts if it comes back this near when it is followed backwards; least number of points that count."""
+_STILL_PX, _STILL, _MOVED = 0.5, 0.2, 0.004
+"""A knock leaves at most a share of the points within a distance of their places, and moves half of them by at least
+the last share of the picture's width: 5 px of 1280.
+"""
 _TOGETHER_PX, _TOGETHER = 1.5, 0.5
 """At least this share of the points moves as one picture does, within the first distance."""
 _FRAMES = 3
@@ -70,12 +68,10 @@ def _points(picture: Grey) -> Array32:
     strength = cv2.cornerMinEigenVal(picture, 5)
     rows, columns = (size // _CELL_PX for size in picture.shape)
     cells = strength[: rows * _CELL_PX, : columns * _CELL_PX].reshape(rows, _CELL_PX, columns, _CELL_PX)
-    cells = cells.transpose(0, 2, 1, 3).reshape(rows * columns, -1)
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    v, u = np.divmod(cells.argmax(axis=1), _CELL_PX)
-    places = np.column_stack([column * _CELL_PX + u, row * _CELL_PX + v])
-    clear = cells.max(axis=1) > _CLEAREST * strength.max()
-    return np.asarray(places[clear, None], dtype=np.float32)
+    cells = cells.transpose(0, 2, 1, 3).reshape(rows, columns, -1)
+    clear = np.argwhere(cells.max(axis=-1) > _CLEAREST * strength.max())
+    within = np.column_stack(np.divmod(cells[*clear.T].argmax(axis=-1), _CELL_PX))
+    return np.asarray((clear * _CELL_PX + within)[:, None, ::-1], dtype=np.float32)
 
 
 def _shift_share(start: Grey, points: Array32, now: Grey) -> float:

@@ -1,4 +1,4 @@
-"""A camera that was knocked during a trial: the whole picture moves at once, and not only things in it."""
+"""Detects a camera that was knocked during a trial: then the whole picture moves at once, not only things in it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _STILL_PX, _STILL, _MOVED = 0.5, 0.1, 0.004
 the last share of the picture's width: 5 px of 1280.
 """
 _FRAMES = 3
-"""In so many frames in a row, so that a single blurred one does not count."""
+"""Number of frames in a row that must show it, so that a single blurred one does not count."""
 HAND = "a hand or another object"
-"""How the flags begin that a knock explains as well."""
+"""The beginnings of the flags that a knock explains as well."""
 
 
 def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) -> ObjectTrack:

@@ -9,13 +9,13 @@ from adaptsim_cli.api.tables import Plot, Rows, empty_figure
 from adaptsim_cli.screen.outputs.sessions import ParameterBelief
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.history import trials_of
-from adaptsim_cli.session.judgement import MeanReward, mean_of, trial_std
+from adaptsim_cli.session.judgement import MeanReward, iteration_means
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show.comparison import ComparedSession, disagreements
 
 
 class LearningCurve(Rows):
-    """A row for each iteration: trials so far, mean reward of its own ones, and the 95 % interval of that mean."""
+    """A row for each complete iteration: trials so far, mean reward of its own ones, and that mean's 95 % interval."""
 
     def __init__(self, session: str, rows: Sequence[Row]) -> None:
         super().__init__(rows)
@@ -49,10 +49,7 @@ class SessionComparison(Rows):
 
 def curve_of(store: SessionStore) -> LearningCurve:
     """The learning curve of a stored session. Raises SessionError."""
-    trials, std = trials_of(store), trial_std(store.facts.task)
-    numbers = sorted({trial.iteration for trial in trials})
-    means = [mean_of([trial.reward for trial in trials if trial.iteration == number], std) for number in numbers]
-    return LearningCurve(store.facts.name, _rows(means))
+    return LearningCurve(store.facts.name, _rows(iteration_means(store.facts, trials_of(store))))
 
 
 def _rows(means: Sequence[MeanReward]) -> list[Row]:

@@ -22,8 +22,8 @@ def require_own(store: SessionStore) -> None:
     facts = store.facts
     if not config.is_own(facts.hw):
         raise UsageError(
-            f"session {facts.name!r} has hw = {facts.hw}, so it makes its trials itself: call run() or run_iteration(). "
-            f'To make them yourself, begin one with adaptsim.begin("{facts.task}", hw="own")'
+            f"session {facts.name!r} has hw = {facts.hw}, so it makes its trials itself: call run() or "
+            f'run_iteration(). To make them yourself, begin one with adaptsim.begin("{facts.task}", hw="own")'
         )
 
 

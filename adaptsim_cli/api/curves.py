@@ -41,10 +41,15 @@ class SessionComparison(Rows):
         """The learning curves of all sessions. Raises ExtraMissing without matplotlib."""
         return _drawn(self.curves, axes)
 
+    def __repr__(self) -> str:
+        return "\n".join([repr(self._short()), *self.disagreements])
+
     def _repr_html_(self) -> str:
+        return self._short()._repr_html_() + "".join(f"<p>{sentence}</p>" for sentence in self.disagreements)
+
+    def _short(self) -> Rows:
         names = ("session", "method", "world", "seed", "trials", "first_reward", "last_reward", "last_low", "last_high")
-        short = Rows({name: row[name] for name in names} for row in self)
-        return short._repr_html_() + "".join(f"<p>{sentence}</p>" for sentence in self.disagreements)
+        return Rows({name: row[name] for name in names} for row in self)
 
 
 def curve_of(store: SessionStore) -> LearningCurve:

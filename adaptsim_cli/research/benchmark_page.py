@@ -152,7 +152,8 @@ def strata_tables(summary: SealedSummary | None) -> Iterator[Table]:
             )
         yield table
     if summary is not None:
-        rule = f"The best fixed rule is {summary.fixed_rule}; a world in need has an action worth {NEED:g} more."
+        need = f"; a world in need has an action worth {NEED:g} more" if summary.worth else ""
+        rule = f"The best fixed rule is {summary.fixed_rule}{need}."
         yield Table(title=rule, title_justify="left", box=None)
 
 

@@ -12,7 +12,8 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli.commands import app
-from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.advice import HEADLINES
+from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.judgement import iteration_means
 from adaptsim_cli.session.store import SessionStore
 
@@ -42,6 +43,8 @@ def test_every_session_is_on_the_page_with_links_to_its_report_and_film(root: Pa
     assert any(link.endswith("film.jpg") for link in links)
     trials = [t.reward for t in trials_of(SessionStore.open(root, NAME)) if t.iteration == 2]
     assert f"{sum(trials) / len(trials):.2f}" in text
+    verdict = results_of(SessionStore.open(root, NAME))[-1].verdict
+    assert text.count(f'data-label="verdict">{HEADLINES[verdict.kind]}<') == 2
     assert 'data-label="95 % interval">–<' in text, "two sessions that earned the same have no interval"
 
 

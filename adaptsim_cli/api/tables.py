@@ -45,8 +45,8 @@ class Rows(list[Row]):
         while len(padded) > 1 and sum(len(column[0]) + 2 for column in padded) > WIDEST:
             padded.pop()
         lines = ["  ".join(line).rstrip() for line in zip(*padded, strict=True)]
-        rest = [(len(self) - len(shown), "rows"), (len(names) - len(padded), "columns")]
-        return "\n".join([*lines, *(f"… and {count} more {what}" for count, what in rest if count)])
+        rest = [(len(self) - len(shown), "row"), (len(names) - len(padded), "column")]
+        return "\n".join([*lines, *(f"… and {count} more {what}{'s' * (count != 1)}" for count, what in rest if count)])
 
     def _repr_html_(self) -> str:
         columns = self.columns

@@ -1,4 +1,4 @@
-"""A camera that was knocked during a trial: the whole picture moves at once, and not only things in it."""
+"""Detects a camera that was knocked during a trial: then the whole picture moves at once, not only things in it."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ the last share of the picture's width: 5 px of 1280.
 _TOGETHER_PX, _TOGETHER = 1.5, 0.5
 """At least this share of the points moves as one picture does, within the first distance."""
 _FRAMES = 3
-"""In so many frames in a row, so that a single blurred one does not count."""
+"""Number of frames in a row that must show it, so that a single blurred one does not count."""
 HAND = "a hand or another object"
-"""How the flags begin that a knock explains as well."""
+"""The beginnings of the flags that a knock explains as well."""
 
 
 def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) -> ObjectTrack:

@@ -39,7 +39,7 @@ class SessionPosterior(Posterior):
         return f"{type(self).__name__}({self.session!r}: {self.trials} trials, mean {values(self.space, self.mean)})"
 
     def plot(self) -> Plot:
-        """A pair plot: the posterior, the prior in grey, and the truth as a cross where a simulated world knows it.
+        """A pair plot of the posterior, with the prior in grey and, in a simulated world, the truth as a cross.
 
         Axes span the margin; dotted lines are the ends of the trained ranges. Raises ExtraMissing without matplotlib.
         """
@@ -79,7 +79,7 @@ class SessionPosterior(Posterior):
         return Plot(figure)
 
     def to_pandas(self) -> DataFrame:
-        """The parameter vectors with their weights, a row each. Raises ExtraMissing without pandas."""
+        """The parameter vectors with their weights, one row for each vector. Raises ExtraMissing without pandas."""
         return data_frame({**self.space.columns(self.samples), "weight": self.weights})
 
     def _marginal(self, ax: Any, k: int) -> None:

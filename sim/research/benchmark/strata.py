@@ -1,9 +1,9 @@
 """Summary of a sealed benchmark: every entry against `adaptsim`, paired by world, in all worlds and by need.
 
 A world *needs* an action of its own if its best action earns more by `NEED` than the best fixed rule. The best fixed
-rule is the one with the highest mean over all worlds, by the trials for choices. The limit of a world is the better of
-`best-action` and `oracle`. Worlds are the units; an entry's reward in a world is its mean over seeds, so deterministic
-repeats count once. Intervals are Student's.
+rule is the one with the highest mean over all worlds, according to the trials for choices. The limit of a world is the
+better of `best-action` and `oracle`. Worlds are the units; an entry's reward in a world is its mean over seeds, so
+deterministic repeats count once. Intervals are Student's.
 """
 
 from __future__ import annotations

@@ -35,8 +35,8 @@ _JOINTS = ("forward", "up", "pitch")
 class Drake:
     """A scene at the start of a course, as `sim.tasks.shared.readings.Physics`.
 
-    A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
-    whether the step at a reading has been taken.
+    A step at time t gives the state at t + dt. The clock runs half a step early, so that rounding never decides whether
+    the step of a reading has been taken.
     """
 
     def __init__(

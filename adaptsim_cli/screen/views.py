@@ -22,7 +22,6 @@ from adaptsim_cli.errors import UsageError
 from hw.types import Array, JointPath
 
 if TYPE_CHECKING:
-    from hw.types import Array
     from sim.tasks.task import Task
     from sim.types import Dimension, Space
 
@@ -53,11 +52,11 @@ def point(space: Space, words: Sequence[str], otherwise: Array, what: str) -> Ar
             near = difflib.get_close_matches(name, space.names, n=1)
             hint = f"did you mean {near[0]}? " if near and near[0] != name else ""
             raise UsageError(f"{what} {text!r}: {hint}write name=value, e.g. {_examples(space)}")
+        dimension = space.dimensions[space.names.index(name)]
         try:
-            values[name] = _number(space.dimensions[space.names.index(name)], number)
+            values[name] = float(dimension.words.index(number) if number in dimension.words else number)
         except ValueError:
             raise UsageError(f"{what} {text!r}: {number!r} is not a number") from None
-        dimension = space.dimensions[space.names.index(name)]
         if not dimension.low <= values[name] <= dimension.high:
             raise UsageError(
                 f"{what} {dimension.label} = {values[name]:g} lies outside of [{dimension.low:g}, {dimension.high:g}]: "
@@ -109,17 +108,12 @@ def predicted_between(low: float, high: float) -> str:
     return interval if interval != NO_INTERVAL else f"{interval}: all simulators that may be true predict the same"
 
 
-def _number(dimension: Dimension, text: str) -> float:
-    """A number, or the index of a word of a category. Raises ValueError."""
-    return float(dimension.words.index(text)) if text in dimension.words else float(text)
-
-
 def quantity(value: float, unit: str) -> str:
     """A number with its unit for people; a length to the millimetre at least: −1.0 mm, 0.680 m."""
     factor, short = _scale(value, unit)
-    if unit == "m" and value:
-        return with_signs(f"{factor * value:.{1 if short == 'mm' else 3}f} {short}")
-    return with_signs(f"{number(factor * value)} {short}".rstrip())
+    is_length = unit == "m" and value
+    shown = f"{factor * value:.{1 if short == 'mm' else 3}f}" if is_length else number(factor * value)
+    return with_signs(f"{shown} {short}".rstrip())
 
 
 def span(low: float, high: float, unit: str) -> str:

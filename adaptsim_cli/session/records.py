@@ -223,13 +223,9 @@ class TrialRecord(MotionRecord):
     control_success_rate: float
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 
-    def __repr__(self) -> str:
-        return (
-            f"TrialRecord(trial {self.trial} of iteration {self.iteration}: {self.outcome_words}, "
-            f"reward {self.reward:.2f}, predicted {self.predicted_reward:.2f})"
-        )
-
-    __str__ = __repr__
+    def __str__(self) -> str:
+        earned = f"reward {self.reward:.2f}, predicted {self.predicted_reward:.2f}"
+        return f"trial {self.trial} of iteration {self.iteration}: {self.outcome_words}, {earned}"
 
     @property
     def is_rewarded(self) -> bool:

@@ -1,7 +1,7 @@
 """adaptsim for Python: sessions (`adaptsim.begin`), and tasks of your own (`@adaptsim.task`).
 
-Everything is loaded when it is first used, so that the import takes no time. `adaptsim_cli.api` describes sessions,
-docs/guide/own-simulator.md tasks.
+Everything is loaded when it is first used, so that the import takes no time. `adaptsim_cli.api` describes sessions, and
+docs/guide/own-simulator.md describes tasks.
 """
 
 from __future__ import annotations

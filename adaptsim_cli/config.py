@@ -64,7 +64,7 @@ _NOT_SETTINGS = frozenset(
     )
 )
 _OF_TESTS = _PREFIX + "TEST_"
-"""Variables that lead tests to real devices begin so."""
+"""The variables that lead tests to real devices begin with this."""
 
 
 class Config(Record):
@@ -279,7 +279,7 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
 
 
 def _is_inside(folder: Path, project: Path) -> bool:
-    """Whether `folder` is `project` or lies below it, by its name or where its links lead."""
+    """Whether `folder` is `project` or lies below it, by its own path or by the target of its links."""
     return folder.is_relative_to(project.absolute()) or folder.resolve().is_relative_to(project.resolve())
 
 

@@ -10,7 +10,7 @@ CliError
 └── SessionError         a stored session is corrupt, missing or cannot be written
     └── DiskFull         no room left for the next record
 
-Below stands how a file that breaks its schema is explained: the place, and the probably intended key.
+The functions below explain a file that breaks its schema: they name the place, and the key that was probably meant.
 """
 
 from __future__ import annotations

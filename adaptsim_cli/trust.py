@@ -32,9 +32,9 @@ KINDS: Mapping[str, str] = {
 }
 """Every kind of file that is confirmed, and what such a file decides."""
 MOST_FILES, MOST_BYTES = 2_000, 256 * 2**20
-"""A folder beyond this is not read: its files are then not covered."""
+"""A larger folder is not read, and its files are then not covered."""
 UNREAD = ".git"
-"""Folders of this name are not covered: version control rewrites its own files at every command."""
+"""Folders of this name are not covered, because version control rewrites its own files at every command."""
 
 
 class NotCovered(Exception):
@@ -52,7 +52,7 @@ class FileClaim:
 
     @classmethod
     def of_files(cls, kind: str, files: Sequence[Path], meaning: str) -> FileClaim:
-        """That of single files, the first of which names it. Raises UsageError for one that cannot be read."""
+        """The claim of single files, named after the first one. Raises UsageError for a file that cannot be read."""
         try:
             content = contents(*(file.absolute() for file in files))
         except NotCovered as error:
@@ -71,7 +71,7 @@ class Trust:
         return any(_same(entry, claim) and entry.get("content") == dict(claim.content) for entry in self._entries())
 
     def changes(self, claim: FileClaim) -> tuple[str, ...]:
-        """The files or words that are not as they were confirmed; none if it never was."""
+        """The files or texts that differ from the confirmed ones; none if nothing was ever confirmed."""
         was = next((entry["content"] for entry in self._entries() if _same(entry, claim)), None)
         if not isinstance(was, dict):
             return ()

@@ -34,8 +34,8 @@ from sim.render.sensor import SensorNoise
 from sim.tasks.scooping import HARDWARE, TASK
 from sim.tasks.scooping.piece import make_piece
 from sim.tasks.scooping.spatula import spatula_visuals
-from sim.tasks.shared.direct import tool_mesh
 from sim.tasks.shared.shapes import table_visual
+from sim.tasks.shared.tool_mesh import tool_mesh
 from sim.types import Visual
 
 AREA = (0.62, 0.74, -0.04, 0.04)

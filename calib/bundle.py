@@ -7,9 +7,10 @@ is not exactly where its joints say, which is a common twist of all corners. So 
 
     covariance = corners^2 inverse(information) + view_px^2 common + joint_rad^2 G G^T,
 
-`common` the pose's covariance by smooth errors of one pixel, G the board's motion with each joint (of the flange about
-itself if joints are unknown). The sizes are estimated with everything else, by restricted maximum likelihood. Plain
-weights (`Weights.PIXELS`) leave out the last two terms: a bundle adjustment over pixels.
+where `common` is the pose's covariance by smooth errors of one pixel, and G is the board's motion with each joint (or
+with a motion of the flange about itself, if joints are unknown). The sizes are estimated with everything else, by
+restricted maximum likelihood. Plain weights (`Weights.PIXELS`) leave out the last two terms, which gives a bundle
+adjustment over pixels.
 """
 
 from __future__ import annotations
@@ -27,9 +28,8 @@ from hw.poses import inverse
 from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02
-"""Prior standard deviation of a joint's zero: far more than that of a working arm, it only fixes unobservable
-directions.
-"""
+"""Prior standard deviation of a joint's zero. It is far larger than that of a working arm, and only fixes unobservable
+directions."""
 
 SCALE_PRIOR = 0.1
 _FLANGE_LEVER_M = 0.5  # if only poses are known: 1 mrad goes with 0.5 mm
@@ -171,7 +171,7 @@ class ErrorSizes:
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
-    """All joints but the first and the last: their zeros look like a rotation of the camera's carrier or the board."""
+    """All joints but the first and the last, whose zeros look like a rotation of the camera's carrier or the board."""
     return tuple(range(1, n - 1))
 
 
@@ -300,7 +300,7 @@ def squares(e: Array, covariance: Array) -> Array:
 def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, noise: ErrorSizes) -> ErrorSizes:
     """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
 
-    Both have a wide prior, which decides only where the views do not tell the two apart.
+    Both have a wide prior, which matters only if the views cannot separate the two.
     """
     own = np.asarray(np.linalg.inv(boards.information))
     terms = np.stack([boards.common, GG])

@@ -30,13 +30,13 @@ SQUARE_LIMIT = 0.003
 
 OFFSET_LIMIT_RAD = 1e-3
 TILT_SPREAD_LIMIT_DEG = 5.0
-"""Tilts under 8 degrees to all sides have 4 to 4.6; closed forms are then 3 to 5 times worse."""
+"""Views tilted by less than 8 degrees to all sides have 4 to 4.6, and closed forms are then 3 to 5 times worse."""
 
 TABLE_LIMIT_MM, TABLE_LIMIT_DEG = 3.0, 0.3
 DEPTH_LIMIT_MM = 5.0
 ALIGNMENT_LIMIT_PX = 2.0
 WARM_LIMIT_C = 2.0
-"""Our choice: no maker states how intrinsics change with temperature."""
+"""This is our choice, because no maker states how intrinsics change with temperature."""
 
 
 def square_size(solution: Solution) -> Check:
@@ -98,7 +98,7 @@ def mirror_poses(solution: Solution) -> Check:
 
 
 def warm_up(readings_C: Sequence[float]) -> Check:
-    """The camera's temperature from view to view: a camera that still warms up drifts during the calibration."""
+    """Does the camera still warm up from view to view? Then it drifts during the calibration."""
     if len(readings_C) < 3:
         return Check.unmeasured("camera temperature", "the camera does not report its temperature")
     third = max(1, len(readings_C) // 3)

@@ -110,10 +110,11 @@ def condense(
 def about(sight: PoseCandidates, X_CM: Array, noise_px: float | None = None) -> CondensedViews:
     """The same views, condensed about the predicted poses (N, 4, 4) of a fit.
 
-    With `noise_px`, every corner of every view counts with this standard deviation, and outlying ones less.
+    With `noise_px`, every corner of every view counts with this standard deviation, and an outlying corner counts less.
 
     A small target seen nearly head-on has no well-defined best pose of its own, and the error around it is not a
-    parabola. Around the prediction it is one, so fits and condensations in turn reach the optimum over all pixels.
+    parabola. Around the prediction it is nearly one, so that alternating fits and condensations reach the optimum over
+    all pixels.
     """
     uv, J = project_with_jacobian(sight.camera, X_CM, sight.p_M_m)
     off = np.linalg.norm(uv - sight.px, axis=-1)
@@ -133,7 +134,7 @@ def about(sight: PoseCandidates, X_CM: Array, noise_px: float | None = None) -> 
 def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
     """(N, 6, 6) covariance of the fitted twist by smooth errors of the corners of 1 px along an axis.
 
-    Smooth: constant, linear and quadratic in the place in the picture, each term with the same share.
+    Smooth errors are constant, linear and quadratic in the place in the picture; each term has the same share.
     """
     present, count = mask[..., None], mask.sum(axis=1)[:, None, None]
     xy = (px - np.sum(px * present, axis=1, keepdims=True) / count) * present

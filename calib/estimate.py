@@ -1,10 +1,10 @@
 """The estimator of `solve` and `together`: from views that agree to the poses of one camera or several.
 
-Two fits compete. One weighs every view by the errors of arm, view and corners, and estimates their sizes; it adopts
-joint offsets if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
-predicts every view from the others, a fifth at a time (`Choice`). The few views of a series often cannot tell errors of
-the arm from those of the lens. So one of them is used alone only if it predicts clearly better; otherwise the mean of
-both is used.
+Two fits compete. The first fit weighs every view by the errors of arm, view and corners, whose sizes it estimates. It
+adopts joint offsets if the views support them. The second fit weighs all corners alike, as a bundle adjustment over
+pixels. Each predicts every view from the others, a fifth at a time (`Choice`). The few views of a series often cannot
+tell errors of the arm from those of the lens. So one of them is used alone only if it predicts clearly better;
+otherwise the mean of both is used.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tent
 CLEARLY = 0.85  # times the held-out error of the fit over pixels: below it, the other is kept alone
 PIXELS_MARGIN = 0.98  # times the held-out error of the other fit: below it, the fit over pixels is kept alone
 LARGEST_OFFSET_RAD = 0.03
-"""No arm that works has a joint zero so far off: that is 2 cm at the flange, which anybody sees. A larger estimate
-takes up another error, of the lens or of the pictures' poses. (Half of one real series gave 49 mrad, the other none.)
+"""No working arm has a joint zero so far off, because that is 2 cm at the flange, which anybody sees. A larger estimate
+comes from another error, of the lens or of the pictures' poses. (Half of one real series gave 49 mrad, the other none.)
 """
 _LEAST_PX = 0.02
 _ROUNDS = 6
@@ -73,7 +73,9 @@ class Data:
         return [(one, X_CM[self.moved.camera == c]) for c, one in enumerate(self.candidates)]
 
     def fit(self, rows: Rows, start: Unknowns, model: Model) -> Fit:
-        """The fit to some of the views; over pixels, and for vague views, the optimum over all their corners."""
+        """The fit to some of the views. With pixel weights, and for vague views, it is the optimum over all their
+        corners.
+        """
         pixels = model.weights is Weights.PIXELS
         if not pixels and not self.vague:
             return fit(self.moved.take(rows), self.boards.take(rows), start, model)
@@ -121,7 +123,7 @@ class BestFit:
 
 
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
-    """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
+    """Fit by both weights, and choose by the error of held-out views. With `scale`, the board's size is free."""
     cameras = len(data.candidates)
     plain = data.fit(data.agreeing, start, Model(scale=scale, cameras=cameras))
     by_errors, joints = _with_offsets_where_supported(data, plain)
@@ -144,7 +146,7 @@ def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
 
 
 def _mean(states: Sequence[Unknowns]) -> Unknowns:
-    """One state, or half way between two that have no joint offsets."""
+    """The only state, or the state half way between two states without joint offsets."""
     a, b = states[0], states[-1]
     if a is b:
         return a

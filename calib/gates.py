@@ -17,7 +17,7 @@ HELD_OUT_LIMIT_PX = 1.0
 WORST_LIMIT_MM = 5.0
 NEAR_M = 0.3
 CROSS_CHECK_LIMIT_MM = 15.0
-"""Closed forms are off by more than this only if all of the data are wrong."""
+"""The closed forms differ by more than this only if all data are wrong."""
 
 
 def gates_of(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tuple[Check, ...]:
@@ -38,8 +38,8 @@ def gates_of(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> 
 def of_camera(
     alone: Solution, setup: Setup, *, fit_px: float, held_out_px: float, worst_95_mm: float
 ) -> tuple[Check, ...]:
-    """The gates of one camera, from the figures of its solution, which was found alone or together with other cameras.
-    Views are chosen in `alone`.
+    """The gates of one camera, from the figures of its solution, alone or together with other cameras. The choice of
+    views is that of `alone`.
     """
     rejected = 100 * (1 - len(alone.used) / len(alone.views))
     intrinsics = _why_fit_is_bad(alone, setup)
@@ -55,7 +55,7 @@ def of_camera(
 
 
 NOISY_RAD = 5e-4
-"""Joints of a working arm repeat to a fifth of it; from here on the arm, and not the lens, spoils the fit."""
+"""The joints of a working arm repeat to a fifth of this. Above it, the arm spoils the fit, and not the lens."""
 
 
 def _why_fit_is_bad(alone: Solution, setup: Setup) -> str:
@@ -76,7 +76,7 @@ def _why_fit_is_bad(alone: Solution, setup: Setup) -> str:
 
 
 def _why_rejected(solution: Solution) -> str:
-    """The advice about rejected views: if all are at one end of the series, something slipped."""
+    """The advice about rejected views. If all of them are at one end of the series, something slipped."""
     used = [view.used for view in solution.views]
     changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]
     if len(changes) == 1:

@@ -23,7 +23,8 @@ from hw.types import Array
 LENGTHS_M = {"m": 1.0, "mm": 1e-3}
 ANGLES_RAD = {"rad": 1.0, "deg": float(np.pi / 180)}
 EULER = ("xyz", "ZYX", "XYZ", "zyx", "ZYZ", "zyz")
-"""Orders to try, in scipy's letters: small about the base's axes, capital about the rotated ones."""
+"""Orders to try, in scipy's letters: small letters are rotations about the base's axes, capitals about the rotated
+ones."""
 
 LARGEST = 1e6
 _ONE_OF = (

@@ -41,7 +41,7 @@ def candidates(camera: Intrinsics, board: Board, count: int, distance_m: tuple[f
 
 
 def spread(X_CM: Array, board: Board, count: int) -> Array:
-    """Indices of up to `count` poses of (N, 4, 4) that differ most: each is the farthest from those before."""
+    """Indices of up to `count` of the poses (N, 4, 4), chosen so that each is the farthest from those before it."""
     features = np.array([_features(X, board) for X in X_CM]) / _UNITS
     if not len(features):
         return np.zeros(0, dtype=int)

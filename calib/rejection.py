@@ -28,16 +28,16 @@ from calib.bundle import (
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
-"""Limit of a view's squared residual, with six degrees of freedom: one good view in ten thousand exceeds it, if normal.
-"""
+"""Limit of a view's squared residual, with six degrees of freedom. If errors are normal, one good view in ten thousand
+exceeds it."""
 
 MARGIN = 1.4
-"""Factor on `LIMIT`: the noise is estimated from the same few views."""
+"""Factor on `LIMIT`, because the noise is estimated from the same few views."""
 
 MIN_TO_FREE = 10  # agreeing views needed to free offsets and scale
 _ROUNDS = 25
 _ANYWHERE = 6.0 + 6.0 * float(np.log(0.05) + np.log(0.02))
-"""Surprise of a view that lies anywhere: its pose is off by some 3 degrees and 20 mm."""
+"""Assumed cost of a view that may lie anywhere: its pose is off by some 3 degrees and 20 mm."""
 _GENEROUS = ErrorSizes(1.0, 0.1, 1e-3)
 
 

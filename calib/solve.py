@@ -36,13 +36,13 @@ MIN_VIEWS = 6
 VAGUE_RAD = 0.03
 """Limit of a view's own standard deviation of tilt.
 
-Our board at 1 m has a tenth of it, a 4 cm marker ten times as much.
-"""
+Our board at 1 m has a tenth of it, and a 4 cm marker has ten times as much."""
 _MISLED = 0.5
-"""If a fit to all corners lowers their cost to this share, the views' own poses mislead: common errors of its corners
-turn a small target."""
+"""If a fit to all corners lowers their cost to this share, the views' own poses mislead, because errors that the
+corners share turn a small target."""
 _EVALUATIONS = 200
-"""Most evaluations of a fit to all corners: views that belong together take 7 (median) to 151, others may never end."""
+"""The most evaluations of a fit to all corners. Views that belong together take 7 (median) to 151; others may never
+end."""
 _JUDGED_AGAIN = 3
 _TURNED_DEG = 80.0
 _MEETS = 0.02  # of the image's width

@@ -270,7 +270,7 @@ class ViewInfluence:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The worth of the views in words."""
+        """The value of the views in words."""
         most = ", ".join(f"{name} (+{100 * share:.0f} %)" for name, share in self.without[:3])
         lines = [f"The views that help most: {most} error without them"]
         if self.idle:
@@ -348,9 +348,7 @@ class Check(Record):
     def graded(
         cls, name: str, message: str, measured: tuple[float, float, str], advice: str, *, good: bool, worse: Grade
     ) -> Check:
-        """A good check, or one that is `worse`, with the `advice` after the message; `measured` are value, limit and
-        unit.
-        """
+        """A good check, or a `worse` one with the `advice` after the message. `measured` has value, limit and unit."""
         value, limit, unit = measured
         verdict, text = (Grade.GOOD, message) if good else (worse, message + advice)
         return cls(name=name, verdict=verdict, message=text, value=value, limit=limit, unit=unit)

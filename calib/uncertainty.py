@@ -22,8 +22,8 @@ from hw.types import Array
 FACTOR_PLAIN = 0.92
 FACTOR_OFFSETS = 1.15
 FACTOR_TURN = 1.1
-"""Factors on the standard deviations that make 95 % levels true: without and with estimated joint offsets, and for the
-unobservable rotation. Fitted on seeds 10000 to 10089 of `tests/support/simulated_views.py`, tested on others.
+"""Factors on the standard deviations that make the 95 % bounds hold: without estimated joint offsets, with them, and
+for the unobservable rotation. Fitted on seeds 10000 to 10089 of `tests/support/simulated_views.py`, tested on others.
 """
 
 FLOOR_MM, FLOOR_DEG = 0.01, 0.0005
@@ -141,7 +141,7 @@ _MOST = 12
 
 
 def view_influence(fit: Fit, names: Sequence[str], lever_m: Array) -> ViewInfluence:
-    """The worth of the views of a fit to one camera, called `names`.
+    """The value of the views, called `names`, for a fit to one camera.
 
     `lever_m` (P, 3) are the work points relative to the camera, in axes of its carrier.
 

@@ -49,7 +49,7 @@ LOOKS = 12
 """The longer a step has lasted, the rarer it is looked at: after a part of its time so far, one in this many."""
 TYPED = 3
 """Letters of the command in one picture of the film."""
-STOPS, STOP_S = 12, 1.3
+STOPS, STOP_S = 12, 1.7
 """Number of stops at which the report is shown, and the time of each."""
 SHORT_PX, SHORT_PICTURES, SHORT_S = 640, 16, 1.0
 """Width of the film in README.md, number of its pictures, and the time of each."""
@@ -86,6 +86,8 @@ def main() -> None:
             moments = [*session(terminal, page, folder), *report(page, folder)]
         record.write_text(json.dumps([asdict(moment) for moment in moments]), encoding="utf-8")
     moments = [Moment(**one) for one in json.loads(record.read_text(encoding="utf-8"))]
+    for moment in moments:
+        assert str(folder) not in "".join(lines(moment.terminal)), "the terminal shows a path of this computer"
     shown = timeline(moments)
     needed = sorted(set(shown))
     with tab(folder) as page:
@@ -176,6 +178,8 @@ def photo(page: Tab, folder: Path) -> str:
     """The name of a picture of the page as it is now."""
     name = f"{time.time_ns()}.png"
     (folder / name).write_bytes(picture(page))
+    is_private = page.script(f"document.body.innerText.includes({json.dumps(str(folder))})")
+    assert not is_private, "the page shows a path of this computer"
     return name
 
 

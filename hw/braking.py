@@ -1,4 +1,4 @@
-"""Stopping along a path, the only way a motion ends early; and the same path at a slower pace.
+"""Stops a motion along its path, which is the only way in which it ends early, and plays a path at a slower pace.
 
 The arm keeps to the path and only its clock slows, as hard as the limits permit.
 Path time s runs at v = ds/dt; q(s(t)) has the acceleration q' dv/dt + q'' v². So every limit of an
@@ -6,9 +6,9 @@ acceleration or a torque bounds dv/dt at a place s and a v², as in time-optimal
 and Gibson, "Time-optimal control of robotic manipulators along specified paths", 1985). Limits of jerks and torque
 rates bound d²v/dt² in the same way.
 
-Both are bounds for a stop to aim at. The samples of every stop are checked at 1 kHz against every limit of joints,
-torques and flange; a stop that breaks one is tried again more gently. Before the motion, a check ensures that a stop
-within `LONGEST_S` exists at every moment.
+Stops are planned with both bounds. Then the samples of every stop are checked at 1 kHz against every limit of joints,
+torques and flange; a stop that breaks a limit is planned again more gently. Before the motion, a check ensures that a
+stop within `LONGEST_S` exists at every moment.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ AHEAD_S = 0.025
 """How far a brake looks ahead for a place that permits less."""
 AHEAD_OF_JERK_S = 0.08
 OWN_SHARE = 0.95
-"""The most of a limit of jerk or torque rate that counts as used by the path itself."""
+"""The path itself counts as using at most this share of a limit of jerk or torque rate."""
 LANDING = 0.6
-"""Share of d²v/dt² with which a brake is let go, so that it can follow."""
+"""Share of the bound on d²v/dt² with which braking is released, so that it can follow the limits."""
 _SMALL = 1e-6
 
 
@@ -130,12 +130,12 @@ def _braked(clock: _PathClock, at_s: Array, hard: float, sharp: float, longest_s
 STOP_S = 0.4
 """The longest time from the wish to stop to standstill. A path that cannot be stopped in it is refused."""
 LONGEST_S = 0.35
-"""The longest stop. What is left of `STOP_S` is the time until the next moment at which one may begin, and the arm's
+"""The longest stop. The rest of `STOP_S` is the time until the next moment at which a stop may begin, and the arm's
 lag."""
 STOPS_EVERY_S = 0.01
 """The time between the moments of a path at which a stop is planned, and so may begin."""
 HEARD_S = WORD_EVERY_S + DT_S
-"""Time from the pedal's silence to the player: the wait for the program's next word, and one cycle."""
+"""Time until the player hears of the pedal's silence: the wait for the program's next word, and one cycle."""
 NEXT_STOP_S = 2.0 * STOPS_EVERY_S
 """The longest wait for a moment at which a stop may begin (`hw.franka.playback.motion_of`)."""
 LAG_S = STOP_S - LONGEST_S - NEXT_STOP_S
@@ -188,7 +188,7 @@ def check_braking(path: JointPath, limits: MotionLimits, every_s: float = EVERY_
 def brake(path: JointPath, at_s: float, limits: MotionLimits) -> JointPath:
     """`path` until `at_s`, then slowed to rest along itself within `limits`.
 
-    The contact window lasts until the slowed path has left it. Raises MotionRefused if no stop keeps the limits.
+    The contact window is extended until the slowed path has left it. Raises MotionRefused if no stop keeps the limits.
     """
     at = round(float(np.clip(at_s, 0.0, path.duration_s)) * PATH_RATE_HZ)
     start_s = at / PATH_RATE_HZ
@@ -226,7 +226,7 @@ def _stops(path: JointPath, at_s: Array, limits: MotionLimits) -> Braking:
 
 
 def _keeps(path: JointPath, spline: CubicSpline, s: Array, took_s: Array, limits: MotionLimits) -> NDArray[np.bool_]:
-    """Which stops, path times (M, K) of durations (K,), keep the limits (K,)."""
+    """(K,) whether each stop, with path times (M, K) and durations (K,), keeps the limits."""
     allowed = np.zeros(len(took_s), dtype=bool)
     order, done = np.argsort(took_s, kind="stable"), 0
     while done < len(order):
@@ -275,7 +275,7 @@ FULL = 1.0
 
 
 def slowed(path: JointPath, pace: float) -> JointPath:
-    """`path` and its contact window, with their times divided by `pace`. Raises ValueError for a pace not in 0.1 to 1.
+    """`path` and its contact window, with their times divided by `pace`. Raises ValueError for a pace outside 0.1 to 1.
 
     The player checks every limit of the result again, as for any path.
     """
@@ -284,7 +284,7 @@ def slowed(path: JointPath, pace: float) -> JointPath:
 
 
 def at_pace(path: JointPath, pace: float) -> JointPath:
-    """The same as `slowed`, at any pace, because a reduced speed may need a slower one than an operator may ask for."""
+    """The same as `slowed` at any pace; the reduced speed may need a slower pace than an operator may choose."""
     number(pace, "pace", 0.0, FULL, above=True)
     if pace == FULL:
         return path

@@ -41,7 +41,7 @@ class ChildGone(Exception):
 
 
 class Child:
-    """A running `module CONNECTION PIPE arguments`, the first two file descriptors."""
+    """A running process `module CONNECTION PIPE arguments`; the first two arguments are file descriptors."""
 
     def __init__(self, module: str, *arguments: str, end_s: float = END_S) -> None:
         self._end_s = end_s

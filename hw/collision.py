@@ -1,8 +1,8 @@
 """Collision geometry: the tool, keep-out boxes, the table, and the clearances of the arm's bodies.
 
-Two models of the arm (`hw.outline`): boxes and table are judged by an outline that contains the real arm, the arm
-against itself by the maker's own capsules, which are thinner. All clearances are exact and vectorised over the leading
-axes.
+There are two models of the arm (`hw.outline`). Boxes and table are checked against an outline that contains the real
+arm. Self-collision is checked with the maker's own capsules, which are thinner. All clearances are exact and vectorised
+over the leading axes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a process takes of its computer: the cores that it may use, and unused memory that goes back to the system."""
+"""The share of a computer that a process uses: its cores, and the memory that it returns to the system."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _PICTURE, _KEPT = 5 * 2**19, 2**26
-"""Bytes: somewhat less than a colour picture; what the heap may keep for the next array."""
+"""The bytes that the heap may keep for the next array: somewhat less than a colour picture."""
 _V2, _V1 = Path("sys/fs/cgroup"), Path("sys/fs/cgroup/cpu")
 
 
@@ -28,7 +28,7 @@ def usable_cores(system: Path = Path("/")) -> int:
 def _quotas(system: Path) -> Iterator[float]:
     """The quota in cores of each control group that this process is in, from its own up to the outermost (cgroups(7)).
 
-    Inside a container the group's path may be the host's: a folder that does not exist states no quota.
+    Inside a container, the group's path may be that of the host. A folder that does not exist states no quota.
     """
     try:
         lines = (system / "proc/self/cgroup").read_text(encoding="utf-8").splitlines()
@@ -64,7 +64,7 @@ def _quota_v1(folder: Path) -> float:
 
 
 def return_pictures() -> None:
-    """Have the memory of a picture returned when it is freed, not kept by the thread that had it: 100 MB a session.
+    """Have the memory of a picture returned when it is freed, not kept by its thread. This saves 100 MB in a session.
 
     Without glibc nothing happens.
     """

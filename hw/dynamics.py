@@ -1,8 +1,8 @@
 """The load of a motion on the arm: joint torques, and velocity and acceleration of the flange.
 
 Recursive Newton-Euler, all samples at once, in the axes of the base (Featherstone, "Rigid Body Dynamics Algorithms",
-2008, chapter 5). Rigid links, no friction: the torque is that at the gears' output, which the arm's sensors measure and
-its limits refer to. The base stands level.
+2008, chapter 5). Links are rigid, and there is no friction. The torque is that at the output of the gears, which the
+arm's sensors measure and to which its limits refer. The base stands level.
 
 The Panda's masses, centres of mass and inertia are those of the maker's robot description, which cites Gaz et al.,
 "Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3's are

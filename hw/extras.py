@@ -36,7 +36,7 @@ def installed(*packages: str) -> dict[str, str]:
 
 @cache
 def _origin() -> tuple[Path | None, bool]:
-    """The folder that the program was installed from, if it came from one, and whether it runs from there (PEP 610)."""
+    """The folder from which the program was installed, if there is one, and whether it runs from there (PEP 610)."""
     try:
         text = importlib.metadata.distribution(PROGRAM).read_text("direct_url.json")
     except importlib.metadata.PackageNotFoundError:

@@ -13,7 +13,7 @@ SLIPPED_M = 0.001
 
 
 def narrower_m(width_m: float) -> float:
-    """The largest amount (m) by which it may be narrower than `width_m`; fingers that closed on nothing never count."""
+    """By how much (m) the object may be narrower than `width_m`. Fingers that closed on nothing never count."""
     return min(TOLERANCE_M, width_m / 2.0)
 
 

@@ -34,7 +34,7 @@ SELF_CLEARANCE_M = 0.005
 KEEP_OUT_CLEARANCE_M = 0.01
 TABLE_CLEARANCE_M = 0.002
 TOUCH_TOLERANCE_M = 0.0005
-"""How deep a tool may be commanded below the table top outside a contact window: it rests on the table."""
+"""How deep a tool may be commanded below the table top outside a contact window, when it rests on the table."""
 CONTACT_DEPTH_M = 0.006
 """The deepest window that a path may declare: a deeper one causes a reflex on a real arm."""
 CONTACT_FORCE_N = 60.0
@@ -42,7 +42,8 @@ COLLISION_SHARE = 0.8
 """Share of an arm's own collision threshold that a predicted contact may use."""
 GEOMETRY_STEP_S = 0.01
 SAG_M = 0.0005
-"""How much nearer two bodies may come within a `GEOMETRY_STEP_S` than on straight lines: 0.2 mm each at 13 m/s²."""
+"""How much nearer two bodies may come within a `GEOMETRY_STEP_S` than if they moved on straight lines: at 13 m/s², 0.2
+mm for each."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ Travels = Callable[[Array], Array]
 def _swept(quantity: str, path: JointPath, least_m: float, clearances: Clearances, travels: Travels | None) -> Worst:
     """The least clearance of a path, between its samples too.
 
-    `travels` None: only the change of a clearance itself bounds it between samples.
+    With `travels` None, only the change of a clearance itself bounds it between samples.
     """
     every, last = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ)), len(path.t_s) - 1
     rows = np.unique(np.append(np.arange(0, last, every), last))

@@ -47,7 +47,7 @@ FLANGE = {
     "fr3": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
     "fr3v2": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
 }
-"""The maker's Cartesian limits of each model; the maker states none of the FR3 v2's own, so it has the FR3's."""
+"""The maker's Cartesian limits of each model; the maker states none for the FR3 v2, so it has those of the FR3."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class MotionLimits:
 def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: float, stops_at_Nm: Array) -> list[Worst]:
     """The joint torques of `force_N`, upwards on the tool's lowest point, along the window of a path of true joints.
 
-    From `stops_at_Nm` (7,) on, the arm takes them for a collision. Empty without a window or points that may touch.
+    The arm takes torques from `stops_at_Nm` (7,) on for a collision. Empty without a window or points that may touch.
     """
     inside = _inside(path, path.contact)
     if not inside.any() or not len(tool.points_F_m):

@@ -1,12 +1,12 @@
 """Two models of arm and hand as capsules, in the frames of `hw.kinematics`; both hold for Panda, FR3 and FR3 v2.
 
 `ARM`, `HAND` and `FINGERS` are the outline: together they contain every point of the maker's collision meshes of all
-three arms, of the hand, and of the fingers at any opening. Boxes, the person's side, the table and the camera's mask
-go by it. `benchmarks/outline.py` fitted it to the meshes of franka_description 566ba44 and judges it.
+three arms, of the hand, and of the fingers at any opening. It is used for boxes, the person's side, the table and the
+camera's mask. `benchmarks/outline.py` fitted it to the meshes of franka_description 566ba44 and measures the fit.
 
 `COARSE_ARM` and `COARSE_HAND` are the maker's own capsules for self-collision (the same description,
 robots/common/franka_arm.xacro and end_effectors/common/franka_hand.xacro). The real surface lies up to 44 mm outside of
-them, so nothing else is judged by them.
+them, so they are used for nothing else.
 """
 
 from __future__ import annotations

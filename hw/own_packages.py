@@ -1,8 +1,8 @@
 """Imports our packages from the folder in which this file is installed, whatever else has one of their names.
 
 A user's own `sim` or `hw.py` may lie beside a script, in the current folder or on PYTHONPATH. Python would mistake it
-for our package. So this file is run by its path (`runpy.run_path`), never imported by its name: by `adaptsim_cli` as it
-is imported, and by every process that we start. As a program it runs one of our modules: own_packages.py MODULE
+for our package. So this file is never imported by its name. `adaptsim_cli`, when it is imported, and every process that
+we start run it by its path (`runpy.run_path`). As a program it runs one of our modules: own_packages.py MODULE
 ARGUMENTS.
 """
 

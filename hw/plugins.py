@@ -76,7 +76,7 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registry(Generic[Thing]):
-    """Everything of one kind by name: ours, and those of installed packages. A package is imported on first use."""
+    """All things of one kind by name: ours, and those of installed packages. A package is imported on first use."""
 
     label: str  # what one is called in a message
     group: str  # of the entry points by which packages offer one: its name, and a module
@@ -85,7 +85,7 @@ class Registry(Generic[Thing]):
     error: type[Exception]  # raised for an unknown name, and for a package that is not right
     value_type: type | None = None  # of the thing that a package offers; None: a function
     complaint: Callable[[str, Any], str] = lambda name, thing: ""
-    """What is wrong with a thing of that type that is offered by that name; "" if nothing is."""
+    """The defect of a thing of that type that is offered under that name; "" if it has none."""
 
     def names(self) -> tuple[str, ...]:
         """Our names, then those of installed packages."""

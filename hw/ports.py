@@ -86,7 +86,7 @@ class Camera(Protocol):
 
 
 class ObjectPlacer(Protocol):
-    """The one who puts the object on the table: a person, or the simulated lab."""
+    """Whoever puts the object on the table: a person, or the simulated lab."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """Ask for the object at `xy_m` (2,) in the base frame, for `trial` (numbered from 1 in a session).
@@ -107,7 +107,7 @@ class Pedal(Protocol):
         """Whether the arm may move now."""
 
     def why_not(self) -> str:
-        """Why it does not enable, in words for a person."""
+        """Why the arm may not move, in words for a person."""
 
 
 class Balance(Protocol):

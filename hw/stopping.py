@@ -1,4 +1,4 @@
-"""How long and how far an arm still moves once somebody wants it to stop: the one worst case that all pages state.
+"""How long and how far an arm still moves once somebody wants it to stop. All pages state this one worst case.
 
 The chain, at its worst: the pedal falls silent and nobody hears it for `SILENCE_S`; the program's word reaches the
 player after `HEARD_S`; a stop may begin up to `NEXT_STOP_S` later; the arm brakes along its path, and follows its
@@ -28,7 +28,7 @@ from hw.workcell import Workcell
 REDUCED_M_S = 0.25
 """The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
 TRAVEL_EVERY = 10
-"""A measured travel adds up steps of 10 ms, so that the noise of measured joints does not add up with them."""
+"""A measured travel is the sum of steps of 10 ms, so that the noise of measured joints does not add up."""
 _KEPT = 0.99
 """Share of the reduced speed that a motion is slowed to, so that the rounding of its samples stays below it."""
 
@@ -84,9 +84,9 @@ def _of_path(cell: Workcell, path: JointPath) -> WorstStop:
 
 
 def _travels_m(path: JointPath, braking: Braking, speed_m_s: Array) -> Array:
-    """(C,) the farthest that each body goes: unbraked until the stop begins, then along its tail.
+    """(C,) the largest travel of each body: unbraked until the stop begins, then along the braked path.
 
-    A measured arm is behind its commands, so what it still has to go begins earlier by the lag.
+    A measured arm is behind its commands, so its remaining travel begins earlier by the lag.
     """
     way_m = np.concatenate([np.zeros((1, speed_m_s.shape[1])), np.cumsum(speed_m_s * DT_S, axis=0)])
     stops = np.isfinite(braking.duration_s)
@@ -131,7 +131,7 @@ def reduced_pace(path: JointPath, cell: Workcell, pace: float = FULL) -> float:
 
 
 def _bound_m_s(cell: Workcell) -> tuple[float, str]:
-    """The fastest that a point on the flange can be in any motion that the cell accepts, and its body."""
+    """The largest speed of a point on the flange in any motion that the cell accepts, and its body."""
     limits = FLANGE[cell.arm.name]
     reach_m, point = max(
         (

@@ -34,7 +34,7 @@ WIDEST_M = 0.1
 
 
 def number(value: float, name: str, low: float, high: float, unit: str = "", *, above: bool = False) -> float:
-    """`value`, finite, at least `low` (`above`: more than that) and at most `high`. Raises ValueError.
+    """`value`, which has to be finite, at least `low` (or more than `above`), and at most `high`. Raises ValueError.
 
     Every number that decides about a motion, or that a device reports, passes through here when its value is made.
     """

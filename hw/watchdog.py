@@ -29,7 +29,7 @@ _PR_SET_PDEATHSIG = 1
 def since_boot_s() -> float:
     """Seconds since the computer started, its sleep included (`time.monotonic` leaves that out on Linux).
 
-    The clock for freshness: nothing said before a sleep looks new afterwards.
+    With this clock, no word from before a sleep looks new afterwards.
     """
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
@@ -44,7 +44,7 @@ class Watchdog:
         self._heard_s = clock()
 
     def begin(self) -> None:
-        """Forget words from before this motion: a program that still wants a stop repeats it."""
+        """Forget words from before this motion. A program that still wants a stop repeats it."""
         self.stop_reason()
         self._heard_s = self._clock()
 

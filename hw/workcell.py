@@ -101,7 +101,8 @@ class Workcell:
         return MotionLimits(self.arm.limits, self.arm.zeros_rad, self.tool.mass)
 
     def check(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
-        """Check every limit: joints, torques, flange, rest at both ends, start, self-collision, boxes, table, contact.
+        """Check every limit: joints, torques, flange, rest at both ends, start, self-collision, boxes, table and
+        contact.
 
         `q_now_rad` (7,) are the arm's present reported joints; without it the start is not checked.
         """
@@ -119,7 +120,7 @@ class Workcell:
         return contact_torque_check(self.arm.true(path), self.tool, self.table, felt_N, self.stops_at_Nm)
 
     def require(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
-        """`check`, and that the arm can stop along the path at any time.
+        """Do `check`, and also check that the arm can stop along the path at any time.
 
         Raises MotionRefused naming every broken limit.
         """

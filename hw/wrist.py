@@ -1,7 +1,7 @@
-"""Hand, fingers and link 7 as they look: tight convex shapes from the outer dimensions of the maker's meshes.
+"""The looks of hand, fingers and link 7: tight convex shapes from the outer dimensions of the maker's meshes.
 
-They are drawn into pictures and compared with them. What the arm must keep clear of is judged by `hw.outline`, which
-contains the meshes.
+They are drawn into pictures and compared with them. Clearances are computed with `hw.outline`, which contains the
+meshes.
 """
 
 from __future__ import annotations

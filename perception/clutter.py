@@ -18,7 +18,8 @@ LOW_M, HIGH_M = 0.015, 0.22
 _SMALLEST_M2 = 4e-4  # of the visible face; smaller parts are edges and noise
 _KERNEL = np.ones((3, 3), np.uint8)
 _GAP = np.ones((5, 5), np.uint8)
-"""Gaps of up to four pixels without readings do not divide an object: dark, shiny and printed faces have many."""
+"""Gaps of up to four pixels without readings do not divide an object, because dark, shiny and printed faces have many.
+"""
 _ONE_FACE_M = 0.012
 """If the depths on the two sides of such a gap differ by more, they belong to two objects."""
 

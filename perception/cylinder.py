@@ -54,7 +54,7 @@ class Circle:
 def fit_circle(xy_m: Array, start_m: Array, radius_m: float, radius_std_m: float = 0.0) -> Circle:
     """The circle near `start_m` (2,) through (n, 2) points, n at least 3.
 
-    The radius is `radius_m` with a standard deviation of `radius_std_m`; 0: exact.
+    The radius is `radius_m` with a standard deviation of `radius_std_m`; with 0 it is exact.
     """
     x = np.array([*start_m, radius_m])
     free = 3 if radius_std_m > 0 else 2

@@ -1,4 +1,4 @@
-"""A camera that was knocked during a trial: the whole picture moves at once, and not only things in it."""
+"""Detects a camera that was knocked during a trial: then the whole picture moves at once, not only things in it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,31 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Frame
 from perception.geometry import Array32
 from perception.types import ObjectTrack
 
+Grey = NDArray[np.uint8]
+
 _WIDTH_PX = 320
-_MOVED = 0.006
-"""Share of the picture's width by which it moves at least: 8 px of 1280."""
-_BETTER = 0.7
-"""Moved back, the pictures must differ by less than this share of what they differed by."""
+_CELL_PX, _CLEAREST = 16, 0.003
+"""One point is followed in each square cell, so that the arm with its many corners counts by its area; its least corner
+strength is the second number, as a share of the strongest one.
+"""
+_RETURNS_PX, _POINTS = 0.3, 12
+"""A point counts if it comes back this near when it is followed backwards; least number of points that count."""
+_STILL_PX, _STILL, _MOVED = 0.5, 0.2, 0.004
+"""A knock leaves at most a share of the points within a distance of their places, and moves half of them by at least
+the last share of the picture's width: 5 px of 1280.
+"""
+_TOGETHER_PX, _TOGETHER = 1.5, 0.5
+"""At least this share of the points moves as one picture does, within the first distance."""
 _FRAMES = 3
-"""In so many frames in a row, so that a single blurred one does not count."""
+"""Number of frames in a row that must show it, so that a single blurred one does not count."""
 HAND = "a hand or another object"
-"""How the flags begin that a knock explains as well."""
+"""The beginnings of the flags that a knock explains as well."""
 
 
 def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) -> ObjectTrack:
@@ -30,8 +41,9 @@ def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) ->
     if len(shown) < _FRAMES + 1:
         return track
     start = _small(shown[0])
-    shifts = np.array([_shift_share(start, _small(frame)) for frame in shown])
-    moved = np.convolve(shifts > _MOVED, np.ones(_FRAMES), mode="valid") == _FRAMES
+    points = _points(start)
+    shifts = np.array([_shift_share(start, points, _small(frame)) for frame in shown])
+    moved = np.convolve(shifts > 0.0, np.ones(_FRAMES), mode="valid") == _FRAMES
     if not moved.any():
         return track
     i = int(moved.argmax())
@@ -43,29 +55,36 @@ def with_knock(track: ObjectTrack, frames: Sequence[Frame], t_start_s: float) ->
     return replace(track, flags=(flag, *(other for other in track.flags if not other.startswith(HAND))))
 
 
-def _small(frame: Frame) -> Array32:
-    """A small grey picture without its mean and slow changes of light."""
+def _small(frame: Frame) -> Grey:
+    """A small grey picture with even contrast."""
     height, width = frame.colour.shape[:2]
     size = (_WIDTH_PX, round(_WIDTH_PX * height / width))
     grey = cv2.cvtColor(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
-    wide = grey.astype(np.float32)
-    return np.asarray(wide - cv2.GaussianBlur(wide, (0, 0), 12.0), dtype=np.float32)
+    return np.asarray(cv2.createCLAHE(2.0, (8, 8)).apply(grey), dtype=np.uint8)
 
 
-def _shift_share(start: Array32, now: Array32) -> float:
-    """How far the whole picture has moved, as a share of its width; 0 if no shift explains the difference."""
-    window = cv2.createHanningWindow((start.shape[1], start.shape[0]), cv2.CV_32F)
-    (u, v), _ = cv2.phaseCorrelate(start.copy(), now.copy(), window)  # it writes into its arguments
-    if not np.isfinite([u, v]).all() or np.hypot(u, v) > 0.2 * start.shape[1]:
+def _points(picture: Grey) -> Array32:
+    """(N, 1, 2) the clearest corner in each cell of the picture, in px."""
+    strength = cv2.cornerMinEigenVal(picture, 5)
+    rows, columns = (size // _CELL_PX for size in picture.shape)
+    cells = strength[: rows * _CELL_PX, : columns * _CELL_PX].reshape(rows, _CELL_PX, columns, _CELL_PX)
+    cells = cells.transpose(0, 2, 1, 3).reshape(rows, columns, -1)
+    clear = np.argwhere(cells.max(axis=-1) > _CLEAREST * strength.max())
+    within = np.column_stack(np.divmod(cells[*clear.T].argmax(axis=-1), _CELL_PX))
+    return np.asarray((clear * _CELL_PX + within)[:, None, ::-1], dtype=np.float32)
+
+
+def _shift_share(start: Grey, points: Array32, now: Grey) -> float:
+    """How far the whole picture has moved, as a share of its width; 0 if a part of it stands still."""
+    if len(points) < _POINTS:
         return 0.0
-    move = np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]])
-    back = np.asarray(cv2.warpAffine(now, move, (start.shape[1], start.shape[0])), dtype=np.float32)
-    rim = int(np.ceil(np.hypot(u, v))) + 1
-    inner = np.s_[rim:-rim, rim:-rim]
-    differs, differs_back = _difference(now[inner], start[inner]), _difference(back[inner], start[inner])
-    return float(np.hypot(u, v)) / start.shape[1] if differs_back < _BETTER * differs else 0.0
-
-
-def _difference(one: Array32, other: Array32) -> float:
-    """The mean difference of two pictures."""
-    return float(np.abs(one - other).mean())
+    moved, forward, _ = cv2.calcOpticalFlowPyrLK(start, now, points, points.copy(), winSize=(15, 15), maxLevel=2)
+    back, backward, _ = cv2.calcOpticalFlowPyrLK(now, start, moved, moved.copy(), winSize=(15, 15), maxLevel=2)
+    followed = (forward[:, 0] == 1) & (backward[:, 0] == 1)
+    followed &= np.linalg.norm((back - points)[:, 0], axis=1) < _RETURNS_PX
+    way_px = np.linalg.norm((moved - points)[followed, 0], axis=1)
+    if followed.sum() < _POINTS or (way_px < _STILL_PX).mean() > _STILL:
+        return 0.0
+    _, together = cv2.estimateAffine2D(points[followed], moved[followed], ransacReprojThreshold=_TOGETHER_PX)
+    share = float(np.median(way_px)) / start.shape[1]
+    return share if share > _MOVED and together is not None and together.mean() >= _TOGETHER else 0.0

@@ -41,7 +41,7 @@ class Scan:
 
     @cached_property
     def along(self) -> Array32:
-        """(h, w, 3) how a point moves in the base frame with each metre of depth."""
+        """(h, w, 3) motion of a point in the base frame for each metre of depth."""
         h, w = self.view.xy.shape[:2]
         turned = self.view.directions @ self.view.X_BV[:3, :3].T.astype(np.float32)
         return np.ascontiguousarray(turned.reshape(h, w, 3))

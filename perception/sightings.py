@@ -25,7 +25,7 @@ class OutcomeUnseen(TrackingFailed):
     def __init__(self, message: str, track: ObjectTrack, followed: bool) -> None:
         super().__init__(message)
         self.track = track
-        """The known places of the object; the outcome of this track says nothing."""
+        """The known places of the object. The outcome of this track means nothing."""
         self.followed = followed
         """Whether enough frames of the whole trial show it, and only its end is unseen."""
 

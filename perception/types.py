@@ -14,10 +14,9 @@ from hw.types import Array, frozen_array
 REST_M_S, REST_RAD_S = 0.003, 0.1
 REST_S = 0.1
 SETTLE_S = 2.0
-"""When a trial is over, in training, in the lab and before a camera: once the object has been slower than this (m/s),
-relative to the table or to the tool that carries it, for `REST_S`; at the latest `SETTLE_S` after the tool's motion.
-Then it is judged, with the tool still where its motion ended (docs/decisions/0003).
-"""
+"""In training, in the lab and before a camera, a trial is over once the object has been slower than this (m/s) for
+`REST_S`, relative to the table or to the tool that carries it; at the latest `SETTLE_S` after the tool's motion. Then
+it is judged, while the tool is where its motion ended (docs/decisions/0003)."""
 
 
 _SAME_S = 1e-6
@@ -72,7 +71,7 @@ class ObjectTrack:
 
 
 def in_frames(what: str, which: NDArray[np.bool_], t_s: Array) -> tuple[str, ...]:
-    """The flag that frames at `t_s` (N,) give for which `which` (N,) holds; none if it never does."""
+    """The flag of the frames at `t_s` (N,) for which `which` (N,) is true; none if it is true for no frame."""
     if not which.any():
         return ()
     first, last = t_s[which][0], t_s[which][-1]

@@ -65,7 +65,7 @@ class RolloutError(SimError):
 
 
 class ClusterUnavailable(SimError):
-    """No scheduler answers, it was lost, or its workers would compute other numbers."""
+    """No scheduler answers, the scheduler was lost, or its workers would compute other numbers."""
 
 
 class ExtraMissing(SimError):

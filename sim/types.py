@@ -48,13 +48,14 @@ class Dimension:
     plain: str = field(default="", compare=False)  # one or two plain words
     meaning: str = field(default="", compare=False)  # one line
     margin: tuple[float, float] | None = field(default=None, compare=False)
-    """How far beyond its range the scene was tried; None: not beyond."""
+    """How far beyond its range the scene was tried; None if it was not tried beyond."""
     limits: tuple[float, float] | None = field(default=None, compare=False)
-    """Ends of the physically possible values, where an exact simulator may search; None: those of the margin."""
+    """Ends of the physically possible values, within which an exact simulator may search; None if they are those of the
+    margin."""
     default: float | None = field(default=None, compare=False)
-    """The value in a world that does not state it; None: each world states it."""
+    """The value in a world that does not state it; None if each world has to state it."""
     words: tuple[str, ...] = field(default=(), compare=False)
-    """The kinds of a category, whose value is an index (`scale` "integer"); empty: a number."""
+    """The kinds of a category, whose value is an index (`scale` "integer"); empty for a number."""
     mirror: Literal[1, -1] = field(default=1, compare=False)
     """-1 if it changes its sign when a trial is mirrored, left for right."""
 
@@ -76,8 +77,8 @@ class Dimension:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The words of a category, by index: `words`, or those that the meaning of a whole number explains, as in
-        `0 ellipsoid, 1 cylinder`. Empty for a number.
+        """The words of a category, by index. They are `words`, or those in the meaning of a whole number, as in `0
+        ellipsoid, 1 cylinder`. Empty for a number.
         """
         if self.words or self.scale != "integer":
             return self.words
@@ -104,7 +105,7 @@ class NamedValues:
 
 @dataclass(frozen=True)
 class Space:
-    """A box of named quantities. Normalised, each runs from 0 (low) to 1 (high); outside stays outside."""
+    """A box of named quantities. Normalised, each runs from 0 (low) to 1 (high); values outside stay outside."""
 
     dimensions: tuple[Dimension, ...]
 
@@ -225,8 +226,8 @@ class Space:
         return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
 
     def unspread(self, value: Array, within: Array) -> Array:
-        """(..., len) in units -> (..., len) in [0, 1] whose `spread` they are; `within` (..., len) in [0, 1) places
-        an integer inside its share.
+        """The inverse of `spread`: (..., len) in units -> (..., len) in [0, 1]. `within` (..., len) in [0, 1) places an
+        integer inside its share.
         """
         share = (value - self.low + within) / (self.high - self.low + 1.0)
         return np.where(self._integer, share, self.normalise(value))
@@ -306,7 +307,7 @@ class PredictedOutcomes:
 
 @dataclass(frozen=True)
 class EmulatorReport:
-    """Figures on rollouts that neither training nor calibration has seen."""
+    """Figures from rollouts that neither training nor calibration used."""
 
     rollouts: int  # trained on
     held_out: int

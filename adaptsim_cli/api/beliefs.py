@@ -36,7 +36,7 @@ class SessionPosterior(Posterior):
     truth: Array | None  # (p,) in units, of a simulated world; None: unknown
 
     def plot(self) -> Plot:
-        """A pair plot: the posterior, the prior in grey, and the truth as a cross where a simulated world knows it.
+        """A pair plot of the posterior, with the prior in grey and, in a simulated world, the truth as a cross.
 
         Axes span the margin; dotted lines are the ends of the trained ranges. Raises ExtraMissing without matplotlib.
         """
@@ -76,7 +76,7 @@ class SessionPosterior(Posterior):
         return Plot(figure)
 
     def to_pandas(self) -> DataFrame:
-        """The parameter vectors with their weights, a row each. Raises ExtraMissing without pandas."""
+        """The parameter vectors with their weights, one row for each vector. Raises ExtraMissing without pandas."""
         return data_frame({**self.space.columns(self.samples), "weight": self.weights})
 
     def _marginal(self, ax: Any, k: int) -> None:

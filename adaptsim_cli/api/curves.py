@@ -15,14 +15,17 @@ from adaptsim_cli.show.comparison import ComparedSession, disagreements
 
 
 class LearningCurve(Rows):
-    """A row for each iteration: trials so far, mean reward of its own ones, and the 95 % interval of that mean."""
+    """A row for each iteration: the number of trials so far, the mean reward of this iteration's trials, and its 95 %
+    interval.
+    """
 
     def __init__(self, session: str, rows: Sequence[Row]) -> None:
         super().__init__(rows)
         self.session = session
 
     def plot(self, axes: Any = None) -> Plot:
-        """Mean reward against trials, with intervals; into `axes` of matplotlib, by default of a new figure.
+        """Plot the mean reward against trials, with intervals, into matplotlib's `axes`; without them, into a new
+        figure.
 
         Raises ExtraMissing without matplotlib.
         """
@@ -30,7 +33,7 @@ class LearningCurve(Rows):
 
 
 class SessionComparison(Rows):
-    """Two sessions or more: a row for each, with the mean rewards of its first and of its last iteration."""
+    """Two or more sessions, with a row for each: the mean rewards of its first and its last iteration."""
 
     def __init__(self, sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelief]) -> None:
         super().__init__(one.as_row() for one in sessions)

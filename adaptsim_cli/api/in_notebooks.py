@@ -17,7 +17,7 @@ _STYLE = (
     "<style>text{font:12px sans-serif;fill:#777}.grid{stroke:#8884}.curve{fill:none;stroke:#2a66a8;stroke-width:2}"
     ".dot{fill:#2a66a8}.interval{stroke:#2a66a8;stroke-width:1.5;opacity:.5}</style>"
 )
-"""Of a picture that stands alone, on a light or a dark page."""
+"""The style of a picture that has no page of its own, for a light or a dark notebook."""
 
 
 def session_in_html(store: SessionStore, title: str, verdict: str) -> str:

@@ -21,10 +21,10 @@ from sim.errors import ExtraMissing
 
 RATE_HZ = 50.0
 APPROACH_S = 3.0
-"""Time of the way from the present joints to the first targets."""
+"""Time in which the robot moves from its present joints to the first targets."""
 
 JointTargets = Sequence[Mapping[str, float]]
-"""Targets of every joint by the names of the robot's `action_features`, one every 20 ms, in the robot's own units."""
+"""A target for every joint every 20 ms, in the robot's own units, by the names of the robot's `action_features`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class PlayedMotion:
 
 Motion = Callable[[Question], JointTargets]
 Report = Callable[[Question, PlayedMotion], Mapping[str, Any]]
-"""The arguments of `Session.tell` by name: where the object came to rest, by your camera or your ruler."""
+"""The arguments of `Session.tell` by name. Your camera or your ruler measures where the object came to rest."""
 
 
 class LeRobotPlayer:

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from hw.types import Array
 
 Policy = Callable[["Array"], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
-"""A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
+"""A function of the context (c,) that returns an action in units, or one action for all contexts. An action is given as
+numbers or by name."""
 
 
 def tasks() -> Rows:
     """A row for each task: its name, one line, and its parameters, contexts and actions with their units.
 
-    Tasks are ours, those of installed packages, and those of files that were named once. One that cannot be loaded any
-    more is left out; `adaptsim doctor` names it.
+    The list has our tasks, those of installed packages, and those of files that were named once. A task that cannot be
+    loaded is left out, and `adaptsim doctor` names it.
     """
     from sim.tasks import known_task, task_names
 
@@ -101,11 +102,13 @@ def begin(
 ) -> Session:
     """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
 
-    Without a `world` the simulated lab has "wd", or the first world of the task's file.
+    Without a `world`, the simulated lab uses "wd", or the first world of the task's file.
 
-    With `solver="direct"` it needs no pretraining: it simulates while it runs (docs/guide/own-simulator.md).
+    With `solver="direct"`, the session needs no pretraining, because it simulates while it runs
+    (docs/guide/own-simulator.md).
 
-    It runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a folder.
+    The session runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
+    folder.
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
@@ -166,10 +169,10 @@ def rollout(
     seed: int = 0,
     through: Literal["direct", "lab"] = "direct",
 ) -> Rows:
-    """Try an own policy `n` times in a simulated world, at contexts drawn from `seed`: a row each.
+    """Try your own policy `n` times in a simulated world, at contexts drawn from `seed`. Returns a row for each trial.
 
-    `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. Trials
-    run without arm or camera, or through the whole `lab`: arm, camera and tracking. Nothing is stored.
+    `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. With
+    `lab`, trials run through the whole lab, with arm, camera and tracking; else without these. Nothing is stored.
     Raises UnknownName, WorldError, UsageError, OutOfRange for an action beyond its range, RolloutError.
     """
     from adaptsim_cli.research import from_python
@@ -187,11 +190,10 @@ def benchmark(
     fresh: int = 0,
     out: Path | None = None,
 ) -> Rows:
-    """Compare methods as `adaptsim benchmark` does, in this process: a row for each world, method, seed and number of
-    trials.
+    """Compare methods in this process, as `adaptsim benchmark` does.
 
-    Results are kept and a repeated call continues. A contact task needs tables (`adaptsim world-tables`), or `fresh`
-    rollouts. Raises the errors of `adaptsim benchmark`.
+    Returns a row for each world, method, seed and number of trials. Results are kept, and a repeated call continues. A
+    contact task needs tables (`adaptsim world-tables`), or `fresh` rollouts. Raises the errors of `adaptsim benchmark`.
     """
     from adaptsim_cli.research import from_python
 

@@ -1,4 +1,4 @@
-"""One progress bar for a run from Python: on a terminal, or in a notebook as one output. Elsewhere there is silence."""
+"""One progress bar for a run from Python, on a terminal or as one output of a notebook. Elsewhere nothing is shown."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class _BarView:
 
 @contextmanager
 def one_bar(name: str, done: int, total: int) -> Iterator[Bar]:
-    """A bar of `total` trials of the session `name`, `done` of them before."""
+    """A progress bar for the session `name` with `total` trials, of which `done` are complete at the start."""
     if is_notebook():
         with _notebook_bar(name, done, total) as bar:
             yield bar

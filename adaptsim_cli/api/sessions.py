@@ -65,7 +65,8 @@ class BestAction:
 
 
 Robot = Callable[[Question], Mapping[str, Any]]
-"""Plays a trial -> the arguments of `Session.tell` by name, e.g. `{"end": [0.7, 0.1, 0.03], "outcome": "upright"}`."""
+"""A function that plays a trial and returns the arguments of `Session.tell` by name, e.g. `{"end": [0.7, 0.1, 0.03],
+"outcome": "upright"}`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,7 +114,9 @@ class Session:
         return in_words(results[-1].verdict, facts.object_name, facts.recorded, first)
 
     def learning_curve(self) -> LearningCurve:
-        """A row for each iteration: trials so far, mean reward of its own ones, 95 % interval. Raises SessionError."""
+        """A row for each iteration: number of trials so far, mean reward of its trials, 95 % interval. Raises
+        SessionError.
+        """
         from adaptsim_cli.api.curves import curve_of
 
         return curve_of(self._stored)
@@ -211,9 +214,9 @@ class Session:
         rejected: str | None = None,
         impossible: str | None = None,
     ) -> None:
-        """Tell how a trial went: its trajectory, times (N,) in s and states (N, d) in the units of `trial.state`; or
-        only its `end` (d,); or why it was `rejected` or is `impossible`. A question with `ask = "place"` wants the
-        measured `context`; then the same trial is asked with its action.
+        """Report how a trial went: by its trajectory, with times (N,) in s and states (N, d) in the units of
+        `trial.state`; by its `end` (d,) alone; or by the reason why it was `rejected` or is `impossible`. A question
+        with `ask = "place"` asks for the measured `context`; the next question asks for the same trial with its action.
 
         The session adapts once its iteration is complete. Raises AnswerRefused, and nothing is kept, for an answer that
         cannot count; UsageError if the trial is not open.

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
-"""The arm's posture with the board: drawn back, the board between arm and camera."""
+"""The arm's posture with the board: the arm is drawn back, and the board is between arm and camera."""
 
 UNKNOWN_RAD = (0.0,) * 7
-"""The joint zeros during a calibration that searches for them: 0, so that its plans do not change on the way."""
+"""During a calibration that searches for the joint zeros, they are 0, so that its plans do not change on the way."""
 
 
 def calibration_key(config: Config) -> str:

@@ -1,4 +1,4 @@
-"""The task and the checkpoint that the settings name, and the checkpoints that there are."""
+"""The task and the checkpoint that the settings name, and the list of all checkpoints."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DEFAULT = "default"
 def resolve(flags: Mapping[str, Any] | None = None) -> Resolved:
     """The settings, with the name of the task that a file declares. Raises UsageError, UnknownName, TaskError.
 
-    Where nothing names a world, and the task of a file has no world of the default's name, its first one is taken.
+    If nothing names a world, and the task of a file has no world with the default name, its first world is used.
     """
     resolved = config.load(flags)
     named = resolved.config.task
@@ -49,7 +49,9 @@ def _in_a_world(resolved: Resolved, task: str, worlds: tuple[str, ...]) -> Resol
 
 
 def task_claims(resolved: Resolved) -> tuple[FileClaim, ...]:
-    """The task file that the current folder's settings name: it may be somebody else's, and reading it runs it."""
+    """The task file that the current folder's settings name. It may be somebody else's, and its code runs when it is
+    read.
+    """
     from adaptsim_cli.trust import TASK, FileClaim
 
     named = resolved.config.task
@@ -82,7 +84,7 @@ def checkpoint_of(settings: Config) -> Checkpoint:
     """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one,
     or the newest own one of a task that ships none.
 
-    Nothing of other ranges serves an own object. Raises UnknownName, ObjectError, CheckpointError.
+    A checkpoint for other ranges is never used for an own object. Raises UnknownName, ObjectError, CheckpointError.
     """
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.errors import CheckpointError
@@ -99,7 +101,7 @@ def checkpoint_of(settings: Config) -> Checkpoint:
 
 
 def usual_checkpoint(task: Task) -> str:
-    """The name of the shipped checkpoint; without one, the folder of the newest that the user has pretrained."""
+    """The name of the shipped checkpoint; if there is none, the folder of the user's newest pretrained checkpoint."""
     from sim.adaptation.card import CARD
     from sim.tasks import files_of
 

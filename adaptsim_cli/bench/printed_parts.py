@@ -23,7 +23,7 @@ SHARP_RAD = 0.3
 """Edges between faces that turn by more are drawn."""
 
 FINEST_MM = 1e-3
-"""Corners nearer together become one: slivers of a cut cross themselves in a file of 32-bit numbers."""
+"""Corners that are nearer together become one, because slivers of a cut would cross themselves in 32-bit numbers."""
 
 _VIEWS = (("from above", 0, 1), ("from the front", 0, 2), ("from the side", 1, 2))
 
@@ -43,7 +43,7 @@ def printed(part: Part) -> Any:
 
 
 def infill(part: Part) -> float | None:
-    """Share of solid PLA with which a print has the mass that the scene knows."""
+    """The infill, as a share of solid PLA, that gives a print the mass assumed by the scene."""
     return None if part.mass is None else part.mass.kg / (PLA_KG_M3 * float(part.solid.volume))
 
 

@@ -73,12 +73,12 @@ class Tracker:
     outcomes: tuple[Outcome, ...]
     """The outcomes that an operator may choose between."""
     at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack] = lambda track, *_: track
-    """(track, detection, recording) -> the track, with the outcome as the arm is home, if a picture shows that.
+    """(track, detection, recording) -> the track. If a picture shows the arm at home, its outcome is the one seen
+    there.
 
-    For a task that carries its object.
-    """
+    For a task that carries its object."""
     lies_at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack | None] = lambda *_: None
-    """As `at_home`, for a hidden end -> the track with its outcome; None: no picture shows it."""
+    """The same for a trial whose end is hidden -> the track with its outcome; None if no picture shows it."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Attendant(Protocol):
         """Clear the arm's fault, if there is one and the person types so. Nothing moves."""
 
     def prepare(self, what: str) -> None:
-        """Before `what` is placed: the confirmation, the way home, the weighing.
+        """Before `what` is placed: have the session confirmed, move home, and have the object weighed.
 
         Raises NotExecutable, MotionRefused, StoppedByOperator.
         """
@@ -126,8 +126,8 @@ class Rig:
     wait: Callable[[float], None] = lambda _: None
     """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
     await_enabled: Callable[[str, JointPath], None] = lambda what, path: None
-    """Waits until the operator lets a motion begin, which does `what` along the path as it is played, so that no
-    recording runs meanwhile. Raises StoppedByOperator, MotionRefused."""
+    """Waits until the operator lets a motion begin, before any recording. `what` describes the motion, and the path is
+    the one that is played. Raises StoppedByOperator, MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
     """Further checks before a session."""
     pace: float = 1.0  # of every motion; below 1 a trial is a rehearsal, which counts for nothing

@@ -169,7 +169,9 @@ def _version(flag: bool) -> None:
 
 
 def openers() -> Openers:
-    """What commands open; the only place of the command line that knows labs, trackers and own robots by name."""
+    """The functions that open things for commands. No other place of the command line names labs, trackers and own
+    robots.
+    """
     from adaptsim_cli.bench.devices.trackers import tracker_of
     from adaptsim_cli.session import opening
     from adaptsim_cli.session.target import Openers

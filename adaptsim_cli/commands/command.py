@@ -79,7 +79,7 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
 
 
 def _resolved(flags: dict[str, Any]) -> Resolved:
-    """The settings, with the flags that were given; a switch that is off was not."""
+    """The settings, with the flags that were given. A switch that is off counts as not given."""
     from adaptsim_cli import config
     from adaptsim_cli.bench.checkpoints import resolve
     from adaptsim_cli.commands import settings

@@ -66,7 +66,7 @@ def show(
 
 
 def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[str, Any], list[RenderableType]]:
-    """The truth for a program, and for a person; with the belief of the newest session in this world."""
+    """The truth for a program, and the same for a person, with the belief of the newest session in this world."""
     from adaptsim_cli.screen import views
     from adaptsim_cli.show import truth_view
     from adaptsim_cli.show.reports import Reports

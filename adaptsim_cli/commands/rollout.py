@@ -1,4 +1,4 @@
-"""`adaptsim rollout`: single trials, of which nothing is learnt."""
+"""`adaptsim rollout`: single trials, from which nothing is learnt."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class CommandGroup(TyperGroup):
         self.commands = _Commands(self.panels)  # type: ignore[assignment]
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """See typer: the order of `panels`, not commands first."""
+        """See typer. The order is that of `panels`; groups do not come after commands."""
         return list(self.commands)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:

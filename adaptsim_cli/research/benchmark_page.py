@@ -78,7 +78,9 @@ def _view(summary: SetSummary) -> dict[str, Any]:
 
 
 def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
-    """Mean reward against real trials, with its interval; `levels` are lines at references that need no trials."""
+    """Mean reward against real trials, with its interval; `levels` are the rewards of references that need no trials,
+    drawn as lines.
+    """
     canvas = Canvas(360, 200, f"Reward of {method.method} against trials")
     left, right, top, bottom = 38.0, 350.0, 12.0, 166.0
     x, y = Scale(0.0, float(method.trials[-1]), left, right), Scale(0.0, 1.0, bottom, top)
@@ -97,7 +99,7 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
 
 
 def differences(methods: Sequence[MethodSummary]) -> str:
-    """Mean paired difference of each method to UDR, with its interval; far below, only the number."""
+    """Mean paired difference of each method to UDR, with its interval. A method far below has only its number."""
     candidates = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
     rows = [(m, mean, ci) for m, mean, ci in candidates if mean is not None and ci is not None]
     height = 26.0 * len(rows)
@@ -152,12 +154,13 @@ def strata_tables(summary: SealedSummary | None) -> Iterator[Table]:
             )
         yield table
     if summary is not None:
-        rule = f"The best fixed rule is {summary.fixed_rule}; a world in need has an action worth {NEED:g} more."
+        need = f"; a world in need has an action worth {NEED:g} more" if summary.worth else ""
+        rule = f"The best fixed rule is {summary.fixed_rule}{need}."
         yield Table(title=rule, title_justify="left", box=None)
 
 
 def title(summary: SetSummary) -> str:
-    """The heading of a set: the basis of its numbers."""
+    """The heading of a set, which states the basis of its numbers."""
     gap = "" if summary.with_gap is None else f", {len(summary.with_gap)} with a gap between oracle and udr"
     worlds, seeds = _count(summary.worlds, "world"), _count(summary.seeds, "seed")
     again = ", ".join(m.method for m in summary.methods if m.same_for_every_seed)

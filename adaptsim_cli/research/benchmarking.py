@@ -101,7 +101,7 @@ class Comparison:
 
     @cached_property
     def strata(self) -> SealedSummary | None:
-        """Of sealed worlds, if all that it needs was compared."""
+        """The summary by strata, for sealed worlds, if everything that it needs was compared."""
         from sim.research.benchmark.strata import by_strata
 
         return None if self.request.seal is None else by_strata(self.rows)
@@ -203,7 +203,7 @@ def _left_out(
 
 
 SEEDS = 10
-"""Sessions of each method in each world, where seeds change anything."""
+"""Number of sessions of each method in each world, if seeds change anything."""
 
 
 def _seeds(number: int | None, task: Task, methods: Sequence[str], *, trained: int, recorded: str) -> int:

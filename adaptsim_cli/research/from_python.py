@@ -19,7 +19,8 @@ from sim.tasks.task import Solver, Task
 from sim.types import Space
 
 Policy = Callable[[Array], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
-"""A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
+"""A function of the context (c,) that returns an action in units, or one action for all contexts. An action is given as
+numbers or by name."""
 
 Through = Literal["direct", "lab"]
 """Without arm or camera, or the whole simulated lab: arm, camera and tracking."""

@@ -33,10 +33,9 @@ from sim.tasks import get_task
 from sim.tasks.task import Executable, Task
 
 ATTEMPTS, INWARD = 6, 0.02
-"""How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved
-inward by this share of the area, as the message asks: at the rim a hand's error, and that of the first look at the
-object, put most of them outside.
-"""
+"""The most placements until the object is found and no limit forbids the motion. After each, it is moved inward by this
+share of the area, as the message asks, because at the rim the errors of the hand and of the first picture put most
+placements outside."""
 
 
 class Nobody:
@@ -101,7 +100,7 @@ class InLab:
 def run_in_lab(job: Job) -> BenchmarkRow:
     """Run a job as `run_job` does, with the session's trials in the lab.
 
-    UDR and the upper bounds run outside: they need no trials, or too many.
+    UDR and the upper bounds run outside the lab, because they need no trials, or too many.
     """
     if Entry.parse(job.method).name in (*FIXED_RULES, *LIMITS):
         return run_job(job)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from sim.tasks.task import Task
 
 ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
+"""Numbers of true rollouts of a verification: the usual one takes half a minute of one core, the short one about ten
+seconds."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ def pretrain(request: Request, executor: Executor, progress: StageProgress, stag
 
 
 def pretrain_share(request: Request, share: Share, executor: Executor, progress: StageProgress) -> bool:
-    """Simulate one share of the dataset, or of the grid; whether it is complete: False while it waits for other shares.
+    """Simulate one share of the dataset or of the grid. Returns whether it is complete; False while it waits for
+    others.
 
     Raises UsageError if there is no dataset to simulate, SimError, SessionError.
     """
@@ -149,7 +151,7 @@ def to_learn(config: Config, rollouts: int | None) -> int:
 def object_ready(
     resolved: Resolved, config: Config, rollouts: int | None, executor: Executor, progress: StageProgress
 ) -> dict[str, Any]:
-    """Make the checkpoint of the settings' object; what `adaptsim object` says of it, for JSON.
+    """Make the checkpoint of the settings' object, and return what `adaptsim object` prints about it, for JSON.
 
     Raises SimError, SessionError.
     """

@@ -62,7 +62,9 @@ def checked(name_or_file: str, limit_s: float) -> dict[str, Any]:
 
 
 def _wait_without_reaping(process: subprocess.Popen[bytes]) -> None:
-    """Wait for the end. Until it is reaped, its number, which is that of its group, belongs to no other process."""
+    """Wait for the end of the process without reaping it, so that its number, which is that of its group, goes to no
+    other process.
+    """
     if hasattr(os, "waitid"):
         os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
     else:

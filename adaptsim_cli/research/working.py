@@ -58,10 +58,10 @@ def complete(share: Share, contents: str, folder: Path) -> Reply:
 
 @contextmanager
 def working_in(folder: Path, busy: str, share: Share | None = None) -> Iterator[None]:
-    """Inside, only this process writes into `folder`, or its own files beside those of other shares.
+    """A context manager: inside, only this process writes into `folder`; a share writes only files of its own.
 
-    An interruption says how to continue. Raises SessionError with the sentence `busy`, which holds {} for the folder,
-    if another process is there.
+    An interruption says how to continue. If another process works there, raises SessionError with the sentence `busy`,
+    in which {} becomes the folder.
     """
     make_folder(folder)
     with how_to_continue("Finished parts are kept: the same command continues", "interrupted"):

@@ -56,7 +56,7 @@ def make_tables(
 def make_tables_share(
     resolved: Resolved, targets: str, rollouts: int, share: Share, executor: Executor, progress: StageProgress
 ) -> int:
-    """Simulate the missing parts of one share of the tables of these worlds; how many files it has.
+    """Simulate the missing parts of one share of the tables of these worlds, and return the number of its files.
 
     Raises as `make_tables`.
     """

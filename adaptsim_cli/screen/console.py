@@ -74,7 +74,7 @@ class Screen:
         self._stopwatch = Stopwatch()
 
     def add_listener(self, listener: Listener) -> None:
-        """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
+        """From now on, `listener` also gets every wait, question, answer and warning; it gets earlier warnings now."""
         for text in self._noted:
             listener.noted(text)
         self._listeners.append(listener)
@@ -85,7 +85,7 @@ class Screen:
             listener.noted(text)
 
     def lap_s(self) -> dict[str, float]:
-        """The time since the last call by stage, in s; the stages add up to all of it."""
+        """The time in s since the last call, by stage. The stages add up to the whole time."""
         return self._stopwatch.lap_s()
 
     @property
@@ -293,7 +293,7 @@ class Screen:
             self.show(Text(f"      {why}", style="dim"))
 
     def resting(self, what: str, sessions: Sequence[str]) -> None:
-        """Name the open `sessions` that rest on `what`, which is replaced, if there are any."""
+        """Name the open `sessions`, if there are any, that depend on `what`, which is being replaced."""
         if not sessions:
             return
         many = "s" if len(sessions) > 1 else ""

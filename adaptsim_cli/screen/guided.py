@@ -18,7 +18,7 @@ from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
 
 REST_RAD_S = 0.003
-"""Slower than this, every joint counts as at rest: under 0.1 mm at the board within 30 ms."""
+"""A joint that is slower than this counts as at rest: the board then moves less than 0.1 mm within 30 ms."""
 DRIFT_RAD = 2e-4
 """Largest change of a joint (rad) between two readings at rest."""
 WAIT_S, POLL_S = 5.0, 0.05

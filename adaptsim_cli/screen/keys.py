@@ -33,7 +33,7 @@ def enter(does: str, meaning: str) -> Key:
 
 
 def agree(does: str, meaning: str) -> Key:
-    """The key that agrees, y or yes. Never for a motion: that has one key, which is typed."""
+    """The key that agrees, y or yes. It is never used for a motion, because only one typed key starts a motion."""
     return Key("y", does, meaning, aliases=("yes",))
 
 

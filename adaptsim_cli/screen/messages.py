@@ -14,7 +14,7 @@ from pathlib import Path
 
 PACKAGES = ("adaptsim_cli", "calib", "hw", "perception", "sim")
 FEWEST_WORDS = 3
-"""Shorter templates are only a value that is passed on."""
+"""A shorter template is only a value that is passed on."""
 
 LEAST_COMMON = 4
 """A message and its template have at least so many words in common, or all words of a shorter message."""

@@ -1,8 +1,8 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
 Enter alone moves nothing. A foot at the pedal cannot answer: it only enables a motion that a person has released at the
-keyboard. A `y` belongs to one motion by its digest, and is used up when that motion is tried; no other motion can begin
-by it.
+keyboard. A `y` releases one motion, which is identified by its digest. It is used up once that motion is tried, and it
+releases no other.
 """
 
 from __future__ import annotations
@@ -69,8 +69,7 @@ class Release:
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
     """Call it after the task's own motion, or a whole series, was played to its end; the approach and the way home do
-    not count.
-    """
+    not count."""
     _released: str = field(default="", init=False)  # digest of the one motion that a `y` lets begin; "": none
     _run: tuple[str, str] | None = field(default=None, init=False)
     _run_released: bool = field(default=False, init=False)  # the arm's model was typed for the rest of the run
@@ -138,7 +137,7 @@ class Release:
             self.withdraw()
 
     def withdraw(self) -> None:
-        """No motion is released by a `y` any more."""
+        """Withdraw every `y`, so that none releases a motion any more."""
         self._released = ""
 
     def begun(self) -> None:
@@ -147,7 +146,8 @@ class Release:
 
     @contextmanager
     def run(self, first: str, rest: str) -> Iterator[None]:
-        """Around a series: its first motion, which does `first`, is released alone and watched; then the `rest`.
+        """A context manager around a series. Its first motion (`first` describes it) is released alone and watched,
+        then the `rest`.
 
         However the series ends, nothing stays released.
         """

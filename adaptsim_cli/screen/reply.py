@@ -19,7 +19,8 @@ class Reply:
     """The result of a command. `Screen.end` prints it."""
 
     data: Mapping[str, Any] | BaseModel | None = None
-    """The output with --json, of the command's model in `outputs/catalogue.py`; None: none is left to print."""
+    """The output with --json, an object of the command's model in `outputs/catalogue.py`; None if nothing is left to
+    print."""
     text: Sequence[RenderableType] = ()
     """The same for a person, unless JSON is printed. A string stays on one line, so that paths can be copied."""
     next: Sequence[Step] = ()

@@ -158,7 +158,7 @@ def chances_in_words(kinds: Sequence[str], chances: Sequence[float]) -> str:
 
 
 LEAST_SHOWN = 0.005
-"""A smaller chance reads 0 %."""
+"""A smaller chance is shown as 0 %."""
 
 
 def sampled_in_words(dimension: Dimension, values: Array) -> str:
@@ -212,7 +212,7 @@ def meanings(task: Task, *, with_symbols: bool) -> RenderableType:
 
 
 def place(path: Path) -> str:
-    """A path as short as it can be typed from here: relative in the current folder, else from the home folder."""
+    """The shortest path that can be typed here: relative in the current folder, else from the home folder."""
     for base, mark in ((Path.cwd(), ""), (Path.home(), "~/")):
         if path.is_relative_to(base) and path != base:
             return f"{mark}{path.relative_to(base)}"
@@ -221,7 +221,9 @@ def place(path: Path) -> str:
 
 @dataclass(frozen=True)
 class FileLine:
-    """A line that says what a file or folder is, and its place: on a terminal short and as a link, else whole."""
+    """A line that says what a file or folder is, and its place. On a terminal the place is a short link, elsewhere the
+    whole path.
+    """
 
     what: str
     path: Path
@@ -312,7 +314,7 @@ _EVERY = 20  # samples of a path between two poses for a speed
 
 
 def clear_to_move(real: bool, what: str, duration_s: float | None = None, speed_m_s: float | None = None) -> str:
-    """A question that Enter answers with a start. `what` continues after "then": "goes home", "scoops and goes back".
+    """The question before a motion. `what` continues after "then": "goes home", "scoops and goes back".
 
     It is asked before the first motion of a command, and again whenever somebody may have reached in. `speed_m_s` is
     the tool's top speed. Unknown values are left out.

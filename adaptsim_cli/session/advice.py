@@ -48,9 +48,9 @@ def check_first(task: str, hw: str, calibration: str) -> str:
 
 
 def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: str = "") -> str:
-    """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen.
+    """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" for new trials.
 
-    `first` names the things to check if no action works (`check_first`); empty: those of a rig.
+    `first` names the things to check if no action works (`check_first`). If it is empty, they are those of a rig.
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, but at least {LEAST_TRIALS} are needed."
@@ -101,7 +101,7 @@ def _worth(verdict: Verdict) -> str:
 
 
 def control_name(control: str) -> str:
-    """The control in a sentence."""
+    """The name of the control, for a sentence."""
     return "UDR" if control == "udr" else control
 
 
@@ -136,7 +136,7 @@ def _further(shown: ControlRecord) -> str:
 def tried_in(best: BestRecord) -> str:
     """Which trials the best policy would repeat, their mean reward, and after how many trials it was chosen.
 
-    "" for a record that does not say.
+    "" if the record does not state it.
     """
     if best.tried is None:
         return ""

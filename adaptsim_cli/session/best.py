@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 FORMAT = 1
 A_SIDE, MOST = 9, 81
 """Contexts at which a policy is exported: this many along each of two quantities; with more quantities, this many in
-all.
-"""
+all."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class BestOfSession:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TaskPolicy:
-    """The final policy of a session, for a person: contexts are checked, and lists will do."""
+    """The final policy of a session, for people. Contexts are checked, and may be lists."""
 
     session: str
     task: Task
@@ -81,7 +80,8 @@ class TaskPolicy:
 
 
 def best_of(store: SessionStore, config: Config) -> BestOfSession:
-    """The best policy after the last complete iteration. Raises SessionError before the first; UsageError: a rollout.
+    """The best policy after the last complete iteration. Raises SessionError before the first one, UsageError for a
+    rollout.
 
     `config` provides the settings that a session does not freeze.
     """

@@ -190,9 +190,10 @@ def as_begun(checkpoint: Checkpoint, facts: SessionFacts) -> Checkpoint:
 
 
 def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tuple[Checkpoint, str]:
-    """The checkpoint with the posterior of the session `start_from` as its prior, and the SHA-256 of that.
+    """The checkpoint with the posterior of the session `start_from` as its prior, and the SHA-256 of that posterior.
 
-    Unchanged, and empty, if there is none. Raises UsageError, SessionError, CheckpointError.
+    Without such a session, the checkpoint is unchanged and the hash is empty. Raises UsageError, SessionError,
+    CheckpointError.
     """
     import hashlib
 

@@ -33,10 +33,12 @@ class ControlPolicy:
 
 
 ITERATIONS, GAINS = 5, (0.2, 0.4)
-"""Iterations of a session that states no number of pairs, and the gains of which it says whether they are shown."""
+"""The assumed number of iterations if a session states no number of pairs, and the gains for which it says whether they
+can be shown."""
 
 ControlPolicies = Callable[[], tuple[ControlPolicy, ...]]
-"""Trains the policies of a control. One of them, drawn at random, makes each trial: their mean is the control."""
+"""Trains the policies of a control. Each trial is made by one of them, drawn at random, so the control is their mean.
+"""
 
 
 def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stage: RunTrial) -> ControlPolicy:
@@ -46,7 +48,7 @@ def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stag
 
 
 def is_hidden(store: SessionStore, iteration: int) -> bool:
-    """Whether it must stay hidden whose policies acted in an iteration."""
+    """Whether an iteration must not show yet which policy made which trial."""
     return store.facts.layout.has_control(iteration) and store.result(iteration) is None
 
 
@@ -105,7 +107,7 @@ def power_in_words(facts: SessionFacts) -> str:
 
 
 def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:
-    """The cost of the control in these iterations from `first` (from 0) on, in one sentence."""
+    """The cost of the control in these iterations, from number `first` (counted from 0) on, in one sentence."""
     layout = store.facts.layout
     coming = range(first, first + iterations)
     so_far = sum(trial.role is Role.CONTROL for trial in played_of(store) if trial.iteration - 1 in coming)
@@ -125,7 +127,7 @@ def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:
 
 
 def seconds_of_trial(store: SessionStore) -> float:
-    """Median time of a trial: of this session, else of the newest other one of its task and hardware; 0: unknown."""
+    """Median time of a trial in this session, else in the newest other one with its task and hardware; 0 if unknown."""
     facts = store.facts
     for name in (facts.name, *reversed(names(store.folder.parent))):
         try:

@@ -89,7 +89,7 @@ def overruled(task: Task, record: TrialRecord, outcome: Outcome) -> TrialRecord:
 def amend(
     store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str
 ) -> tuple[Amended, str]:
-    """Let the completed trial `number` count with `outcome` and `reward`; returns as `restore`.
+    """Let the completed trial `number` count with `outcome` and `reward`. Returns what `restore` returns.
 
     Raises UsageError, SessionError.
     """

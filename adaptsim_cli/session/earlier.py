@@ -50,7 +50,7 @@ _OLD_SENTENCES = {
     "Converged": Kind.CONVERGED,
     "Not converged yet": Kind.NOT_CONVERGED,
 }
-"""The beginnings of the sentences of formats 1 and 2; a longer one stands before its own beginning."""
+"""The beginnings of the sentences of formats 1 and 2. A longer one comes before a shorter one with which it begins."""
 
 
 def is_earlier(folder: Path) -> bool:
@@ -68,7 +68,7 @@ def is_earlier(folder: Path) -> bool:
 def readable(root: Path, name: str) -> Iterator[SessionStore]:
     """The session `name` of any format, for reading. Raises SessionError, UsageError.
 
-    One of an earlier format is read from a copy that is removed afterwards; its recordings are links.
+    A session of an earlier format is read from a copy, which is removed afterwards; the copy's recordings are links.
     """
     folder = existing_folder(root, name)
     if not is_earlier(folder):
@@ -203,7 +203,7 @@ class _Migration:
             self._put(target / PRUNED, records.Pruned, self._table(source / PRUNED), source / PRUNED)
 
     def _proposed(self, name: str) -> Table:
-        """The place of a trial by the name of its folder, and what its first records did not have."""
+        """The place of a trial, from the name of its folder, and the fields that the first records did not have."""
         number, attempt = (int(part) for part in name.removeprefix("trial-").split("-attempt-"))
         index = self.facts.layout.iteration_of(number)
         within = number - self.facts.layout.numbers(index).start
@@ -218,7 +218,7 @@ class _Migration:
         }
 
     def _named(self, table: Table) -> Table:
-        """The record of a trial without its old numbers, its rows with their names."""
+        """The record of a trial without its old numbers, and with names for its rows."""
         fields = {key: value for key, value in table.items() if key not in ("number", "trial", "attempt", "iteration")}
         if "particle" in fields:
             fields["particle"] += self.shift
@@ -245,7 +245,7 @@ def _record(kind: type[AnyRecord], table: Mapping[str, Any], source: Path) -> An
 
 
 def _verdict(result: Table) -> Table:
-    """The verdict in a sentence of formats 1 and 2 as values."""
+    """The values of a verdict that formats 1 and 2 stored as a sentence."""
     sentence, best = result["verdict"], result["best"]
     outside = re.search(r"(\d+) of \d+ trajectories lie", sentence)
     return {

@@ -1,8 +1,8 @@
-"""Rules for the end of a session: functions around its loop, each asked after every stage.
+"""Rules for the end of a session: functions around its loop, each of which is called after every stage.
 
 A rule sees the session and the stage that was just done, and may ask the operator. A session ends at the first rule
-that says so, also in the middle of an iteration, and its report is drawn. Another rule is a function here, given to
-`running.SessionRequest`.
+that says so, also in the middle of an iteration, and its report is drawn. A new rule is a function here that
+`running.SessionRequest` gets.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def after_iterations(most: int) -> EndRule:
 
 
 def before_adapting(session: RunningSession, stage: Stage) -> bool:
-    """Ends when the trials of an iteration are complete: a rollout has no adaptation."""
+    """Ends when the trials of an iteration are complete, because a rollout has no adaptation."""
     return not isinstance(session.next_stage(), RunTrial)
 
 

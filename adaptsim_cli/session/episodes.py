@@ -106,7 +106,9 @@ def _seen(store: SessionStore, record: TrialRecord) -> Frames:
 
 
 def _simulated(store: SessionStore, record: TrialRecord) -> Frames:
-    """The episode of a trajectory: the state at even times; the action is that of the whole trial."""
+    """The episode of a trajectory. It has the state at even times, and the same action, that of the trial, at each of
+    them.
+    """
     track = record.track.track()
     times_s = np.arange(0.0, float(track.t_s[-1]) + 1e-9, 1.0 / SIMULATED_FPS)
     action = np.tile(record.action_array.astype(np.float32), (len(times_s), 1))

@@ -44,7 +44,7 @@ def units(store: SessionStore) -> dict[str, str]:
 
 
 def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
-    """Rows as CSV, with the first row's columns and further ones of other rows."""
+    """Rows as CSV. The columns are those of the first row, then further ones that other rows have."""
     text = io.StringIO()
     columns = dict.fromkeys(name for row in table for name in row)
     writer = csv.DictWriter(text, list(columns), lineterminator="\n", restval="")

@@ -53,7 +53,7 @@ from sim.tasks.task import SolvedPolicy
 REJECTED = "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
-"""Drawn placements keep this far from the edge of the area, as a share of it: placing by hand is inexact."""
+"""Drawn placements keep this far from the edge of the area, as a share of it, because placing by hand is inexact."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) ->
 def _acting(session: RunningSession, stage: RunTrial, policy: PolicySource) -> tuple[SolvedPolicy, Array]:
     """The policy that acts, and (p,) the mean of the parameters that it was trained for.
 
-    Both policies of a pair are trained before its first trial, so that no wait tells an operator which of them acts.
+    Both policies of a pair are trained before its first trial, so that no wait reveals which of them acts.
     """
     own = policy(), particles_of(session.store, stage.iteration)[stage.particle].mean
     if stage.role is Role.ALONE:
@@ -263,7 +263,9 @@ def _say_drift(session: RunningSession) -> None:
 
 
 def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> None:
-    """Track a recording, have the result reviewed and store the trial. None: the recording is read from the disk."""
+    """Track a recording, have the result reviewed and store the trial. Without a motion, the recording is read from the
+    disk.
+    """
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:

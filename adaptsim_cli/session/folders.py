@@ -88,7 +88,7 @@ def newest(root: Path, without: str = "") -> str:
 
 
 def _begun(folder: Path) -> tuple[float, int]:
-    """When a session was begun, s since 1970 by its own record; then the time of its folder, for the same second.
+    """When a session was begun, in s since 1970 by its own record; for equal seconds, also the time of its folder.
 
     Copying changes the times of files, so they count only where the record cannot be read.
     """

@@ -1,4 +1,4 @@
-"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot, scenes. A row each.
+"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot, scenes. Each is a row.
 
 Cheap to import, because the command names its formats in its help.
 """
@@ -56,7 +56,9 @@ class Export:
         return self.folder(kind, (file, "trial.json"))
 
     def folder(self, kind: str, files: Sequence[str]) -> list[Path]:
-        """The folder of a format, of which these files are named. Raises UsageError if the folder exists."""
+        """Write the folder of a format, and return the paths of these files in it. Raises UsageError if the folder
+        exists.
+        """
         from adaptsim_cli.storage import durable
 
         if self.out.exists():

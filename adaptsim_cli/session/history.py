@@ -78,7 +78,9 @@ def results_of(store: SessionStore) -> tuple[ResultRecord, ...]:
 
 
 def completed(store: SessionStore, number: int) -> TrialRecord:
-    """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
+    """The completed trial `number` (from 1) that counts. Raises UsageError, which names the completed ones, or
+    SessionError.
+    """
     trials = {trial.trial: trial for trial in played_of(store)}
     if number not in trials:
         listing = ", ".join(map(str, trials)) or "none yet"
@@ -87,8 +89,8 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
 
 
 def left_s(store: SessionStore, stage: RunTrial) -> float:
-    """How long the rest of the iteration takes without the answers, if its trials take as long as those of this one or
-    of the one before; 0 without any.
+    """The time (s) of the rest of the iteration without waiting for answers, if its trials take as long as those of
+    this iteration or of the one before; 0 if there are none.
     """
     trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
     took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]

@@ -90,9 +90,11 @@ class TrackedTrial:
 
 
 class OutcomeUndecided(TrackingFailed):
-    """The camera followed the object, and did not see how the trial ended: a person may say it, or it is repeated."""
+    """The camera followed the object but did not see how the trial ended. A person may state it, or the trial is
+    repeated.
+    """
 
     def __init__(self, message: str, tracked: TrackedTrial) -> None:
         super().__init__(message)
         self.tracked = tracked
-        """Everything but the outcome, which says nothing."""
+        """The tracked trial; its outcome means nothing."""

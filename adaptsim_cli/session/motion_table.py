@@ -1,4 +1,4 @@
-"""A motion as a table: a row per cycle, with everything that the arm was commanded and measured."""
+"""A motion as a table: each cycle has a row with everything that was commanded and measured."""
 
 from __future__ import annotations
 

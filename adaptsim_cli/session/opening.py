@@ -70,7 +70,7 @@ def open_parts(
 ) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
-    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
+    With `own`, calibration and touch-off are those of this session instead of those in use. `answerer` answers for a
     robot of one's own, instead of the program or the person of the settings.
 
     NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
@@ -250,10 +250,10 @@ def open_trials(
 ) -> Iterator[RigTarget]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
-    Every check that needs no device comes first. `own`: with the calibration and the touch-off of this session. Raises
-    SessionError (unreadable touch-off), PreflightFailed (stale touch-off), CalibrationMissing, NotExecutable (the arm
-    cannot hold the tool), DeviceUnavailable, CameraError, UsageError (a session's own calibration is gone), and the
-    errors of `open_lab`.
+    Every check that needs no device comes first. With `own`, calibration and touch-off are those of this session.
+    Raises SessionError (unreadable touch-off), PreflightFailed (stale touch-off), CalibrationMissing, NotExecutable
+    (the arm cannot hold the tool), DeviceUnavailable, CameraError, UsageError (a session's own calibration is gone),
+    and the errors of `open_lab`.
     """
     with open_lab(config, task, drivers, screen) as lab:
         ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)

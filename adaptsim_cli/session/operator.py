@@ -25,7 +25,7 @@ Choices = dict[Outcome, float]
 
 @dataclass(frozen=True)
 class Review:
-    """The judgement of a tracked trial; without either it counts as it was tracked."""
+    """The judgement of a tracked trial. If neither field is set, the trial counts as it was tracked."""
 
     outcome: Outcome | None = None  # it counts with this one, which the operator saw
     rejected: str = ""  # why it does not count
@@ -35,7 +35,7 @@ class Operator(Protocol):
     """Every question of a session. Each may raise StoppedByOperator."""
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
-        """A motion started and never completed. Returns once the trial may be repeated."""
+        """Called if a motion was started and never completed. Returns once the trial may be repeated."""
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
@@ -50,7 +50,7 @@ class Operator(Protocol):
         """Accept the tracked outcome, overrule it with one of `choices`, or have the trial repeated."""
 
     def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
-        """The camera did not see how the trial ended: the outcome that a person saw, or the trial is repeated."""
+        """Called if the camera did not see how the trial ended: the outcome that a person saw, or a repetition."""
 
     def try_again(self, stage: RunTrial) -> bool:
         """Whether to set up the trial again after the object was not found, was misplaced, or was lost in tracking."""
@@ -122,7 +122,7 @@ class Attended:
         return Review()
 
     def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
-        """See `Operator`; nothing is the default."""
+        """See `Operator`; there is no default."""
         self.screen.note(f"{why[0].upper()}{why[1:]}.")
         while True:
             answer = self.screen.choose("How did it end?", _SAW, _REPEAT, _LATER, explain=_UNSEEN)

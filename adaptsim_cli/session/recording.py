@@ -210,7 +210,7 @@ def read(path: Path) -> Recording:
 
 
 DAMAGED = (McapError, ZstdError, OSError, EOFError, ArithmeticError, LookupError, ValueError, MemoryError, struct.error)
-"""Errors of the readers on a damaged MCAP file. A wrong length ends in the arithmetic one, or in that of the memory."""
+"""The readers' errors on a damaged MCAP file. A wrong length raises the arithmetic error or the memory error."""
 
 
 @contextmanager

@@ -55,7 +55,7 @@ def generator(
 FORMAT = 4
 
 WITH_CONTROL = 5
-"""The format of a session with control trials: an older program would learn from them. Else it is that of FORMAT."""
+"""The format of a session with control trials, because an older program would learn from them. Others have FORMAT."""
 
 ROLLOUT = "rollout"
 """The `method` of a session without adaptation: trials with a chosen action or policy."""
@@ -343,7 +343,7 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
 
 
 def earlier(sentence: str, folder: Path) -> SessionError:
-    """The error for the session of an earlier format in `folder`; `sentence` says by what it is known."""
+    """The error for the session of an earlier format in `folder`; `sentence` says how the format was recognised."""
     return SessionError(
         f"{sentence}, and this version of adaptsim reads formats {FORMAT} and {WITH_CONTROL}. `adaptsim sessions "
         f"migrate {folder.name}` writes the session again for this version, and keeps the old one; `adaptsim report` "

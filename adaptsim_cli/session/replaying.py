@@ -58,7 +58,7 @@ class WholeTrial:
         return f"{self.facts.name}-trial-{self.record.trial:03d}"
 
     def events(self) -> Iterator[tuple[float, str, bool]]:
-        """(arm clock in s, event, whether it is a warning), in time order."""
+        """The events in time order: (arm clock in s, event, whether it is a warning)."""
         record, start_s = self.record, self.start_s
         yield self.stored.before.t_s, f"the {self.facts.object_name} was detected", False
         yield start_s, "the motion started", False

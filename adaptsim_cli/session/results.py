@@ -82,7 +82,9 @@ def _mean_reward(history: Sequence[Iteration], trials: tuple[int, ...]) -> float
 
 
 def _chosen_after(history: Sequence[Iteration], tried: tuple[int, ...]) -> int:
-    """The trials that were known when the policy was first `tried`, in trials counted from 1; all if it was not."""
+    """The number of trials that were known before the policy was first `tried` (trials counted from 1); all if it was
+    never tried.
+    """
     ends = np.cumsum([sum(len(entry.trials) for entry in iteration) for iteration in history]).tolist()
     first = min(tried) if tried else ends[-1] + 1
     return max((end for end in ends if end < first), default=0)

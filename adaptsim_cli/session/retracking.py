@@ -71,7 +71,9 @@ def next_steps(session: str, trials: Sequence[RetrackedTrial]) -> tuple[tuple[st
 
 
 def failure(trials: Sequence[RetrackedTrial]) -> TrackingFailed | None:
-    """An error that names every trial that was tracked before and cannot be tracked now; None without one."""
+    """An error that names every trial that was tracked before and cannot be tracked now; None if there is no such
+    trial.
+    """
     failed = [f"trial {one.trial}: {one.failure}" for one in trials if one.now is None]
     if not failed:
         return None

@@ -127,7 +127,7 @@ class RigTarget:
         return rig_checks(self.rig)
 
     def goes_on(self, key: TrialKey) -> bool:
-        """See `Target`; never: a motion that was interrupted cannot be told from its recording."""
+        """See `Target`. It never does: an interrupted motion begins again."""
         return False
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:

@@ -30,7 +30,7 @@ DrawPage = Callable[[SessionStore], Path]
 """session -> the file of its page, drawn."""
 
 OpenRolloutView = Callable[[Screen, SessionParts, str, str, str], AbstractContextManager[Watcher]]
-"""(screen, parts, name of the session, what it is, hardware) -> a watcher besides the terminal."""
+"""(screen, parts, name of the session, its description, hardware) -> a watcher besides the terminal."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,9 @@ def _policy(resolved: Resolved, request: RolloutRequest) -> tuple[Config, Chosen
         raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
     best = best_of(SessionStore.open(resolved.places.sessions, session), settings)
     if best.config.recorded:
-        raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
+        raise UsageError(
+            f"session {session} ran on recorded trials, and no trial can be added to these: see its report"
+        )
     settings = best.config.model_copy(update={key: getattr(settings, key) for key in changed})
     contexts: Sequence[Sequence[str]] = [request.context]
     if request.trials > 1:

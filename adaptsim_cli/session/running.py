@@ -46,7 +46,7 @@ OpenView = Callable[[Screen, SessionStore, SessionParts], AbstractContextManager
 """(screen, session, parts) -> a watcher besides the terminal."""
 
 Ending = Callable[[SessionStore], RenderableType | None]
-"""session -> its last words, None for none."""
+"""session -> the last text on the screen; None if there is none."""
 
 _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
@@ -70,7 +70,7 @@ class SessionRequest:
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
-    """No watcher besides the terminal."""
+    """Adds no watcher besides the terminal."""
     return nullcontext(AllOf())
 
 
@@ -85,8 +85,8 @@ def run_session(
 ) -> Reply:
     """Run the iterations; after each, `draw` makes the report in the background. JSON is printed as they end.
 
-    It ends by the rules of the request, with the report of all that is stored. The reply has the words of `ending` and
-    the report.
+    It ends by the rules of the request, with a report of everything stored. The reply has the text of `ending` and the
+    report.
 
     The last iteration is done only once its result and report have reached the operator; a run that was killed just
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
@@ -169,7 +169,7 @@ def _import_for_a_film() -> None:
 def _drawn_anew(
     session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore, earlier: Deferred[Path] | None
 ) -> Deferred[Path]:
-    """Draw the iterations in `store` in place of the `earlier` report, while the session may be beyond them."""
+    """Draw a report of the iterations in `store`, instead of the `earlier` one; the session may have more by then."""
     if earlier is not None:
         earlier.drop()
 
@@ -196,8 +196,8 @@ def _meant(root: Path, config: Config, request: SessionRequest) -> str:
 
 
 def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved, earlier: SessionStore | None) -> None:
-    """Name the keys that a newer version wrote into an existing session. Ask whether a new session is meant if its name
-    is like another's, and whether a program that a file of the current folder names may run.
+    """Name the keys that a newer version wrote into an existing session. If a new session's name is like another's, ask
+    whether a new one is meant. Ask whether a program that a file of the current folder names may run.
 
     Raises StoppedByOperator if not, UsageError if nobody can be asked about that program.
     """
@@ -294,8 +294,8 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 def _opened(
     open_parts: OpenSessionParts, config: Config, folder: Path, screen: Screen, stack: ExitStack, *, begun: bool
 ) -> SessionParts:
-    """The connected parts of a session; one that was `begun` has its missing policies trained, and for a new one the
-    quality of its checkpoint is shown.
+    """The connected parts of a session. If it was `begun`, its missing policies are trained; if it is new, the quality
+    of its checkpoint is shown.
     """
 
     def opened() -> SessionParts:

@@ -1,4 +1,4 @@
-"""A trial without devices: in a simulated target the trajectory follows from context and action, or it was recorded."""
+"""A trial without devices. The trajectory of a simulated target follows from context and action; or it was recorded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 
 Rollout = Callable[[Array, Array], ObjectTrack]
-"""(context (c,), action (a,)) -> the target's response. Deterministic; the target's parameters stay hidden in it."""
+"""(context (c,), action (a,)) -> the target's response. It is deterministic, and hides the target's parameters."""
 
 FILE = "trajectory.json"
 
@@ -54,7 +54,7 @@ class WithoutDevices:
         return False
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """See `Target`; never: nothing can have moved."""
+        """See `Target`. It never is, because nothing can have moved."""
         return False
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
@@ -111,7 +111,9 @@ class RecordedTarget(WithoutDevices):
         return (Readiness("recorded trials", left > 0, f"{left} of {len(self.trials)} not used yet"),)
 
     def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
-        """See `Target`; the context is that of the recording, unless it only scores. Raises NotExecutable."""
+        """See `Target`. The context is that of the recording, unless contexts only decide the reward. Raises
+        NotExecutable.
+        """
         row = self._row(action)
         if row < 0:
             raise NotExecutable("this action was not recorded: take another method, or the solver of the checkpoint")

@@ -46,8 +46,8 @@ class Chosen:
 
 
 def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
-    """(contexts (n, c), parameters (p,)) as typed; missing ones are the middle of their range. The action is checked
-    too.
+    """The typed contexts (n, c) and parameters (p,); those not typed are the middle of their range. The action is
+    checked too.
 
     Raises UsageError for a wrong name or value.
     """
@@ -80,7 +80,7 @@ class ChosenActions:
         return np.array([self(context) for context in contexts])
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """See `SolvedPolicy`: what the policy expects of its own action."""
+        """See `SolvedPolicy`: the reward that the policy expects of its own action."""
         return self.policy.predict(context)
 
 
@@ -94,7 +94,7 @@ def rollout(
     yes: bool,
     watcher: Watcher | None = None,
 ) -> SessionStore:
-    """Run the trials as a session in `folder`; returns it. A rollout in which nothing moved leaves no session.
+    """Run the trials as a session in `folder`, and return it. If nothing moved, no session is left.
 
     Raises UsageError for a wrong value, and the errors of a session's trials.
     """

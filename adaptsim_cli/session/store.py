@@ -223,12 +223,12 @@ class SessionStore:
         return self.facts.layout.iteration_of(number)
 
     def proposed(self, iteration: int, key: TrialKey) -> MotionRecord | None:
-        """The trial as it was proposed before its motion started; None if it did not. Raises SessionError."""
+        """The trial as it was proposed before its motion started; None if no motion started. Raises SessionError."""
         path = self._marker(iteration, key, "started")
         return records.read(Started, path).proposed if path.exists() else None
 
     def mark_started(self, iteration: int, key: TrialKey, at: str, proposed: MotionRecord | None = None) -> None:
-        """Note that the arm is about to move; on the disk before this returns."""
+        """Note that the arm is about to move. The note is on the disk before this returns."""
         path = self._marker(iteration, key, "started")
         if not path.exists():
             durable.make_folder(path.parent)
@@ -287,7 +287,9 @@ class SessionStore:
         durable.write_folder(folder / f"result-{_results(entries(folder)) + 1}", files)
 
     def overlay(self, picture: bytes) -> Path:
-        """Write the camera's latest finding for the operator to look at; only that in a trial's folder is a record."""
+        """Write the picture of the camera's latest finding for the operator. Only a picture in a trial's folder is a
+        record.
+        """
         path = self.folder / OVERLAY
         durable.replace_file(path, picture)
         return path
@@ -301,7 +303,7 @@ class SessionStore:
         return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + 1}"
 
     def _once(self, kind: type[AnyRecord], path: Path) -> AnyRecord:
-        """A record that never changes; read and checked once, so that a session's time does not grow with its age."""
+        """A record that never changes. It is read and checked once, so that a session does not get slower."""
         if (record := self._read.get(path)) is None:
             record = self._read[path] = records.read(kind, path)
         assert isinstance(record, kind)

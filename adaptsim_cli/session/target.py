@@ -99,8 +99,8 @@ class SessionParts:
     newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera
     worth: tuple[str, ...] = ()  # sentences about the checkpoint, before the first trial
     train_policies: Callable[[Screen], bool] | None = None
-    """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
-    the task trains none in a session."""
+    """Trains the missing policies of the session, and returns whether there are new ones, so that the parts have to be
+    opened again. None if the task trains no policies in a session."""
     rollouts: KeptRollouts | None = None  # of the direct solver; None: Phase 1 simulated them
 
 
@@ -118,15 +118,15 @@ class OpenParts(Protocol):
     ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
-        `own`: with the calibration and the touch-off of this session instead of those in use. `answerer` answers for a
-        robot of one's own, instead of the program or the person of the settings. Raises SimError, DeviceUnavailable,
+        With `own`, calibration and touch-off are those of this session instead of those in use. `answerer` answers for
+        a robot of one's own, instead of the program or the person of the settings. Raises SimError, DeviceUnavailable,
         CalibrationMissing, UsageError.
         """
 
 
 @dataclass(frozen=True)
 class Openers:
-    """The openings that commands get from the program's entry, so that a command and its loop import only contracts."""
+    """The functions that open things. Commands get them from the program's entry, and so import only contracts."""
 
     parts: OpenParts
     seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]

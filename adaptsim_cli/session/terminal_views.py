@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
-    """The heading of an iteration: hardware, task, number and session; of a new one, also the meaning of the
-    quantities.
+    """The heading of an iteration: hardware, task, number and session. In a new session, it explains the quantities
+    too.
     """
     where = f"iteration {iteration + 1} of session {facts.name}"
     legend = (views.indent(views.meanings(task, with_symbols=False)),) if is_new else ()
@@ -132,7 +132,7 @@ def adapted(
 ) -> RenderableType:
     """The parameters of each particle before and after; in a narrow terminal, one table per particle.
 
-    `recordings` is the folder of recorded trials; "": trials happen.
+    `recordings` is the folder of recorded trials; "" for new trials.
     """
     means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
     if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):

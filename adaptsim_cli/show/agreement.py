@@ -47,7 +47,7 @@ class Agreement:
 
     @property
     def order_in_words(self) -> str:
-        """Whether the predictions rank the trials rightly, in one sentence; "" if there are too few trials."""
+        """Whether the predictions rank the trials correctly, in one sentence; "" if there are too few trials."""
         if self.quality is None or self.quality.trials < LEAST:
             return ""
         rank = self.quality.rank_correlation
@@ -91,7 +91,9 @@ class Agreement:
 def agreement(
     trials: Sequence[TrialRecord], predictions: Mapping[int, Prediction] | None, unit: str, std: float
 ) -> Agreement | None:
-    """The agreement of trials with their predictions; None without a trial. `std` is that of single trials."""
+    """The agreement of trials with their predictions; None without a trial. `std` is the standard deviation of single
+    trials.
+    """
     if not trials:
         return None
     rows = tuple(_row(trial, predictions[trial.trial] if predictions else None, unit) for trial in trials)

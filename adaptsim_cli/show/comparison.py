@@ -77,7 +77,7 @@ class ComparedSession:
 
     @property
     def course(self) -> tuple[tuple[str, tuple[float, ...], float], ...]:
-        """Method, action and reward of every trial: the same for sessions that repeat each other."""
+        """Method, action and reward of every trial, which are the same for sessions that repeat each other."""
         method = self.facts.method
         return tuple((method, tuple(trial.action_array.tolist()), trial.reward) for trial in self.trials)
 
@@ -110,7 +110,7 @@ class ComparedSession:
 def compared(stores: Sequence[SessionStore]) -> tuple[ComparedSession, ...]:
     """Read the sessions.
 
-    Raises UsageError unless they are two or more of one task, each with a trial; SessionError on damage.
+    Raises UsageError unless there are two or more sessions of one task, each with a trial; SessionError on damage.
     """
     if len(stores) < 2:
         raise UsageError("compare needs two sessions or more: adaptsim sessions list names them")
@@ -147,7 +147,7 @@ def _different(sessions: Sequence[ComparedSession]) -> list[ComparedSession]:
 def by_method(every: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
     """The sessions of each method, pooled, and paired with the first method by world and seed.
 
-    Of identical sessions one counts.
+    Identical sessions count as one.
     """
     sessions = _different(every)
     methods = tuple(dict.fromkeys(c.facts.method for c in sessions))
@@ -190,7 +190,7 @@ def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
 
 
 def within(belief: ParameterBelief) -> str:
-    """The interval of a belief with its unit, or the chances of a category; if there is none, the reason."""
+    """The interval of a belief with its unit, or the chances of a category; without an interval, the reason."""
     if belief.low is None or belief.high is None:
         return COLLAPSED
     if belief.chances is not None:
@@ -219,8 +219,8 @@ def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
 
 
 def _gap(a: ParameterBelief, b: ParameterBelief) -> float:
-    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing. Of a
-    category: the share of belief that the two do not have in common, negative up to 90 %.
+    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing. For a
+    category, it is the share of belief that the two do not have in common, minus 90 %.
     """
     if a.chances is not None and b.chances is not None:
         return 0.1 - sum(min(chance, b.chances.get(kind, 0.0)) for kind, chance in a.chances.items())
@@ -303,7 +303,7 @@ def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
 def interval_over(values: Sequence[float], least: float = 0.0) -> tuple[float, float, float] | None:
     """Mean with its 95 % interval (Student's t over sessions); None for fewer than two.
 
-    Its ends stay in the range of a reward, 0 to 1; of a difference `least` is -1.
+    Its ends stay in the range of a reward, 0 to 1; for a difference of rewards, `least` is -1.
     """
     if len(values) < 2:
         return None

@@ -32,16 +32,17 @@ ROOM_PX = 26.0
 
 
 def _every(count: int, width: float) -> int:
-    """Every how many iterations there is room for a number."""
+    """The step between iterations whose number is shown, so that numbers have room."""
     return max(1, int(np.ceil(count * ROOM_PX / width)))
 
 
 def rewards(
     trials: Sequence[TrialRecord], iterations: int, layout: Layout, width: float = WIDE, udr: float | None = None
 ) -> str:
-    """Reward of every trial, grouped by iteration; a bar is the predicted range, a line the mean of the iteration.
+    """Reward of every trial, grouped by iteration. A bar shows the predicted range, and a line the mean of the
+    iteration.
 
-    `udr` is the reward of UDR; None: not known.
+    `udr` is the reward of UDR; None if it is not known.
     """
     canvas = Canvas(width, 250, "Reward of every trial")
     left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
@@ -92,9 +93,8 @@ def parameter(
 ) -> str:
     """The mean of one parameter for every particle against iterations, within its range.
 
-    Bands show the posterior by the trajectories known at that time; for an integer parameter, the size of a circle
-    shows the probability of a value. `index` is the parameter's index in the posteriors. `kinds` are the words of a
-    category.
+    Bands show the posterior from the trajectories until then. For an integer parameter, the size of a circle shows the
+    probability of a value. `index` is the parameter's index in the posteriors. `kinds` are the words of a category.
     """
 
     def name(value: float) -> str:
@@ -165,7 +165,7 @@ def _belief(
 
 
 def truth(one: RevealedParameter) -> str:
-    """A parameter's range of training as a field, the belief of the session as a bar, the truth as a dot."""
+    """A parameter's training range as a field, the belief of the session as a bar, and the truth as a dot."""
     canvas = Canvas(220, 22, f"{one.plain_name}: truth, range and belief")
     if one.kinds:
         _kinds(canvas, one)
@@ -180,7 +180,9 @@ def truth(one: RevealedParameter) -> str:
 
 
 def _kinds(canvas: Canvas, one: RevealedParameter) -> None:
-    """A place for each word: a field if training had it, a circle as large as its chance, a dot at the truth."""
+    """A place for each word of a category: a field if training had it, a circle whose size is its chance, and a dot at
+    the truth.
+    """
     room = 204.0 / len(one.kinds)
     for index, kind in enumerate(one.kinds):
         left = 8.0 + index * room
@@ -282,9 +284,9 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
 
 
 def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] = ()) -> str:
-    """The observed path of one trial against the predictions before it and in hindsight.
+    """The observed path of one trial beside the predictions before it and in hindsight.
 
-    On the table from above, or against time for quantities with names (`curves`), one panel each.
+    It is drawn on the table from above. Quantities with names (`curves`) are drawn against time, one panel for each.
     """
     course, css = np.array(trial.track.state)[:, list(expected.columns)], f"c{trial.particle - 1}"
     if not curves:

@@ -36,14 +36,13 @@ DRAWN = 64
 """Number of parameter sets from the whole range of training, each with its predicted trajectory."""
 
 MARGIN = 0.1
-"""An end is outside if it lies this share of the task's observation range beyond all predicted ones: place and action
-of a real trial have errors too.
-"""
+"""An end is outside if it lies this share of the task's observation range beyond all predicted ones, because place and
+action of a real trial have errors too."""
 
 
 @dataclass(frozen=True)
 class ReportedEnd:
-    """One state of the object at the last observed moment, beside its expectation."""
+    """One quantity of the object's state at the last observed moment, beside its predicted range."""
 
     name: str
     unit: str

@@ -1,4 +1,4 @@
-"""One page of all sessions: searched, by tag, their learning curves side by side, each with its report and its film.
+"""One page of all sessions, with a search, tags, learning curves side by side, and the report and film of each session.
 
 `adaptsim dashboard` serves it and `adaptsim sessions index` writes it: the same page, whose links lead to files below
 the folder of all sessions.

@@ -15,6 +15,7 @@ import cv2
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import place
 from adaptsim_cli.session.folders import FILM
 from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
@@ -68,11 +69,11 @@ class LiveView:
         self.doing("", "")
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
-        """See `Listener`: the answer stays in the terminal."""
+        """See `Listener`. The answer is shown only in the terminal."""
         self.asking("")
 
     def noted(self, text: str) -> None:
-        """See `Listener`: warnings are shown in the terminal, and with the trial."""
+        """See `Listener`. Warnings are shown in the terminal, and beside the trial."""
 
     def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
@@ -97,7 +98,7 @@ class LiveView:
 
     def reported(self, path: Path) -> None:
         """See `Watcher`."""
-        self._set(report=str(path))
+        self._set(report=place(path))
 
     def _picture(self, jpeg: bytes) -> str:
         self._count += 1
@@ -124,8 +125,9 @@ def live_view(
 ) -> Iterator[LiveView]:
     """Serve the page of the session or rollout `name`; print its address, and how to reach it from another computer.
 
-    `what` describes it in one line; `particles` of an iteration, 0: a single rollout. The page is one of the dashboard
-    of the sessions below `root`; None: it stands alone. Raises UsageError if the wanted port is in use.
+    `what` describes it in one line. `particles` is their number in an iteration, 0 for a single rollout. The page
+    belongs to the dashboard of the sessions below `root`; with None it stands alone. Raises UsageError if the wanted
+    port is in use.
     """
     task = parts.task
     has_camera = parts.newest_picture is not None

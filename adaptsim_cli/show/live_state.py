@@ -113,7 +113,7 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
 
 
 def _reward(record: TrialRecord, complete: int) -> dict[str, Any]:
-    """A trial among all; it is shown whose policy acted once its iteration is among the `complete` ones."""
+    """A trial among all trials. Whose policy acted is shown once its iteration is among the `complete` ones."""
     is_control = record.role is Role.CONTROL and record.iteration <= complete
     return {
         "number": record.trial,

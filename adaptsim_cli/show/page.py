@@ -196,7 +196,7 @@ def both(draw: Callable[[float], str]) -> str:
 
 
 def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
-    """The reward of UDR: by the truth of a simulated world, or as a session measured it; None: not known."""
+    """The reward of UDR, by the truth of a simulated world or as a session measured it; None if it is not known."""
     if facts.method == "udr":
         return None
     if truth is not None:
@@ -215,7 +215,7 @@ def levels(
     confirmed: Sequence[float],
     truth: Revealed | None,
 ) -> tuple[Level, ...]:
-    """Rewards of the first policies, the best policy and UDR: those that ran, then the prediction."""
+    """Rewards of the first policies, the best policy and UDR: first the measured ones, then the predicted one."""
     if not trials:
         return ()
     std = trial_std(facts.task)
@@ -244,7 +244,7 @@ def levels(
 
 
 def simulator_levels(judgement: Judgement | None) -> tuple[Level, ...]:
-    """Rewards as the simulator predicts them without the rewards of the trials, for likely parameters."""
+    """The rewards that the simulator predicts for likely parameters, without using the rewards of the trials."""
     if judgement is None:
         return ()
     rows = (

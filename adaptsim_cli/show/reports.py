@@ -79,7 +79,7 @@ def _key(store: SessionStore) -> str:
 
 
 def confirmed(store: SessionStore) -> tuple[float, ...]:
-    """Rewards of the rollouts of the session's present best policy: those since its newest result.
+    """Rewards of rollouts of the session's present best policy, since its newest result.
 
     Older ones do not count; unreadable ones are skipped.
     """
@@ -97,7 +97,8 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:
-    """The UDR session with the most trials, of the same task in the same world or with the same real arm; None: none.
+    """The UDR session with the most trials, of the same task in the same world or with the same real arm; None if there
+    is none.
 
     Unreadable sessions are skipped.
     """

@@ -15,7 +15,7 @@ LOCKS = Path("/proc/locks")
 def running(root: Path) -> tuple[str, ...]:
     """The names of the sessions below `root` whose lock is held, newest last.
 
-    The kernel's list of locks is read. To try a lock would refuse a command that begins at the same moment.
+    The kernel's list of locks is read, because trying a lock would refuse a command that begins at the same moment.
     """
     held = _held_inodes()
     chosen = []

@@ -42,7 +42,7 @@ Answer = Content | Iterator[bytes]
 """Content, or a stream of server-sent events that goes on until the page is closed."""
 
 Site = Callable[[str], Answer | None]
-"""The path of a request, without its query -> the answer; None: there is nothing at this path."""
+"""The path of a request, without its query -> the answer; None if there is nothing at this path."""
 
 OVER = b"event: over\ndata: {}\n\n"
 """The last event of a stream."""
@@ -190,7 +190,7 @@ def _handler(site: Site) -> Callable[..., BaseHTTPRequestHandler]:
                 return
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Logs nothing: the terminal belongs to the session."""
+            """Logs nothing, because the terminal belongs to the session."""
 
     return Handler
 
@@ -199,7 +199,7 @@ class _Quiet(ThreadingHTTPServer):
     """A connection that fails (a reset, a closed page) ends alone, without a traceback in the operator's terminal."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing: the client has disconnected."""
+        """Does nothing, because the client has disconnected."""
 
 
 def require_free(port: int) -> None:

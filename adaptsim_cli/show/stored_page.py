@@ -1,4 +1,4 @@
-"""The live page of a session that another command runs, from the files that it writes: to look at, from outside."""
+"""The live page of a session that another command runs, made from the files that this command writes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class StoredPage:
         return None
 
     def state(self) -> dict[str, Any]:
-        """Everything that the files say now. Raises SessionError."""
+        """The state according to the files as they are now. Raises SessionError."""
         store, facts = self._store, self._store.facts
         if (task := known_task(facts.task)) is None:
             sentence = f"The task {facts.task} cannot be loaded here, so the page shows nothing of this session."
@@ -104,7 +104,7 @@ class StoredPage:
 
 
 def now_of(lines: Sequence[LogLine]) -> dict[str, Any]:
-    """The present step by the log: the question that waits, or the last step that is over."""
+    """The present step according to the log: the open question, or the last completed step."""
     if not lines:
         return {"doing": "", "question": ""}
     last = lines[-1]

@@ -35,7 +35,7 @@ CONTEXTS = 4
 """Contexts in which each policy of UDR is tried."""
 
 _NO_EFFECTS = ("colour", "contact", "dt_s")
-"""Entries of a world that say how it is computed or looks."""
+"""Entries of a world that only decide how it is computed or looks."""
 
 PARALLEL_FROM_S = 5.0
 """Rollouts that take longer together are spread over processes, whose start takes seconds."""

@@ -20,7 +20,7 @@ CHART = 16
 """Characters of the chart of a parameter."""
 
 FINEST = 200
-"""Steps of a parameter's scale: an exact belief that ends within one of them from the truth holds it."""
+"""Steps of a parameter's scale. An exact belief that ends within one step of the truth counts as containing it."""
 
 
 LEAST_CHANCE = 0.05
@@ -35,7 +35,7 @@ def in_plain_units(one: RevealedParameter, value: float) -> str:
 
 
 def row(one: RevealedParameter) -> tuple[str, str, str, str]:
-    """Plain name, truth, range of training and belief. A unit that all values share is written behind the name; the
+    """Plain name, truth, range of training and belief. A unit that all values share is written after the name. The
     belief about a category is the chance of each word.
     """
     if one.kinds:
@@ -82,7 +82,7 @@ class UdrReward:
 
     @classmethod
     def true(cls, shown: Revealed) -> UdrReward:
-        """That of a simulated world."""
+        """The reward of UDR in a simulated world."""
         count = f"{shown.udr_trials} trial{'s' * (shown.udr_trials != 1)}"
         return cls(shown.udr_reward, f"simulated truth, {count}", f"in {shown.world}")
 
@@ -153,8 +153,8 @@ def listed(names: Sequence[str]) -> str:
 
 
 def chart(one: RevealedParameter) -> str:
-    """The range of training between bars, the belief as a thick line, the truth as a dot, on one scale. Words have
-    none.
+    """The training range between bars, the belief as a thick line and the truth as a dot, on one scale. A category has
+    no chart.
     """
     if one.kinds:
         return ""
@@ -172,7 +172,9 @@ def chart(one: RevealedParameter) -> str:
 
 
 def positions(one: RevealedParameter, values: Sequence[float], last: int) -> list[int]:
-    """The places of values on a scale from 0 to `last` that holds them all; logarithmic where the parameter is."""
+    """The places of values on a scale from 0 to `last` that contains them all. It is logarithmic if the parameter's
+    scale is.
+    """
     shown = np.log(values) if one.scale == "log" and min(values) > 0.0 else np.asarray(values, dtype=float)
     low, high = float(shown.min()), float(shown.max())
     return [round(last * (float(v) - low) / (high - low)) if high > low else last // 2 for v in shown]

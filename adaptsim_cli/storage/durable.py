@@ -124,7 +124,7 @@ _POLL_S = 0.02
 
 
 def version_of(path: Path) -> tuple[int, int] | None:
-    """Time and size of a file or folder, which change when it is written; None if there is none."""
+    """Time and size of a file or folder, which change when it is written; None if it does not exist."""
     try:
         stat = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""Numbered folders of one kind, from 1: the highest counts, and none is ever overwritten."""
+"""Numbered folders of one kind, from 1. The one with the highest number counts, and none is ever overwritten."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ def recognise(
     setup: Setup,
     forward: Forward | None,
 ) -> tuple[Convention, tuple[str, ...]]:
-    """The reading of `poses` (N) that matches the motion in the pictures, given by name and corners of each view (N);
-    and sentences about the parts of it that were recognised instead of stated.
+    """The reading of `poses` (N) that matches the motion in the pictures, and sentences about its recognised parts. The
+    motion follows from the corners of each view (N); the names are for messages.
 
     Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state;
     DegenerateViews if the views are too alike to tell.

@@ -64,7 +64,7 @@ def settle(
 ) -> tuple[Solution, Setup, IntrinsicsCheck | None]:
     """Solve with the stated or, on request, the refined intrinsics. Raises UnusableViews.
 
-    Where the views give reason to doubt the stated lens, the stated error includes that doubt.
+    If the views give reason to doubt the stated lens, the stated error includes that doubt.
     """
     solution, setup = solve_any_size(views, setup, forward)
     tried = trial(views, setup, solution, forward) if refine or suspicious(solution) else None

@@ -38,7 +38,7 @@ def resolve_symmetry(views: Sequence[View], setup: Setup, forward: Forward | Non
 
 
 def renumbered(corners: Corners, board: CalibrationTarget) -> list[Corners]:
-    """The corners as numbered, then as numbered from each other end of the board from which it looks the same."""
+    """The corners as numbered, then as numbered from every other end from which the board looks the same."""
     labellings = [corners]
     for ids in board.turns:
         new = ids[corners.ids]

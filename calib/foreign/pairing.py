@@ -31,9 +31,9 @@ _WORSE = 4.0
 """A rejected view must fit another pose this many times better than its own."""
 _SAME_MM, _SAME_DEG = 0.5, 0.05
 _NO_WORSE = 1.2
-"""An exchange may add views; held-out ones must not be predicted worse than by this factor."""
+"""An exchange may add views, but the error of predicted held-out views must not grow by more than this factor."""
 _TELLS = 1.5
-"""One explanation of a change counts if the other leaves residuals this many times larger."""
+"""An explanation of a change counts if the other explanation leaves residuals this many times larger."""
 _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
 
 
@@ -82,7 +82,7 @@ def _among(
 def _tried(
     faults: tuple[Fault, ...], views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> tuple[Fault, ...]:
-    """The same faults; an exchange is offered only if the exchanged views are then solved better."""
+    """The same faults. An exchange is offered only if the exchanged views give a better solution."""
     swaps = [fault for fault in faults if fault.kind == "exchanged"]
     if not swaps:
         return faults
@@ -136,7 +136,9 @@ def pictures_exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) 
 
 
 def shifted(views: Sequence[View], by: int) -> list[View]:
-    """Each picture with the pose of the view `by` places later by name; pictures without such a view are left out."""
+    """Each picture with the pose of the view that is `by` places later in the order of names. Pictures without such a
+    view are left out.
+    """
     ordered = sorted(views, key=lambda view: view.name)
     at = [(i, i + by) for i in range(len(ordered)) if 0 <= i + by < len(ordered)]
     return [_posed(ordered[i], ordered[j]) for i, j in at]
@@ -289,7 +291,7 @@ def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: F
 def _shift_of_all(
     views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> Fault | None:
-    """The fault that every picture has the pose of its neighbour, if it is one."""
+    """The fault that every picture has the pose of its neighbour; None if that is not the case."""
     agreed = 0 if solution is None else len(solution.used)
     for by in (1, -1):
         try:
@@ -307,7 +309,7 @@ def _shift_of_all(
 
 
 FARTHEST = 5
-"""A picture's pose is searched among those of its neighbours up to so many places away."""
+"""A picture's pose is searched among those of neighbours that are at most this many places away."""
 _MOST_LOST = 6  # places at which pictures are missing or doubled
 _SHARE = 0.8
 
@@ -316,7 +318,7 @@ def _lost_pictures(views: Sequence[View], setup: Setup, forward: Forward | None)
     """The fault that a few pictures, or poses, are missing: from some views on, each picture has the pose of a view a
     few places away.
 
-    A part of the series that agrees gives the calibration; under it every picture finds its own pose.
+    An agreeing part of the series gives a calibration, with which every picture finds its own pose.
     """
     for part, sized in _parts(views, setup, forward):
         misfits = _crossed(views, part, sized, forward)

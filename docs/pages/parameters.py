@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
+
 from sim.tasks import TASKS, get_task
+from sim.tasks.task import Task
 from sim.types import Dimension
 
 PARAMETERS_HEAD = """# Parameters and actions
@@ -21,7 +24,7 @@ def parameters() -> str:
     parts = [PARAMETERS_HEAD]
     for name in TASKS:
         task = get_task(name)
-        parts.append(f"## {name}\n\n{task.title[0].upper()}{task.title[1:]}.\n")
+        parts.append(f"## {name}\n\n{task.title[0].upper()}{task.title[1:]}. {_reward(task)}\n")
         margin = dict(zip(task.margin.names, task.margin.dimensions, strict=True))
         for title, space in (
             ("Simulation parameters", task.parameters),
@@ -46,6 +49,12 @@ def parameters() -> str:
                 )
             parts.append("")
     return "\n".join(parts)
+
+
+def _reward(task: Task) -> str:
+    """The reward by the formula in its docstring."""
+    formula = (inspect.getdoc(task.reward_of_success) or "").partition(", for (")[0]
+    return f"A success earns `{formula}`, and a failure 0 ([the reward](../start/concepts.md#the-reward))."
 
 
 def _range(dimension: Dimension) -> str:

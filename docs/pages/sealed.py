@@ -139,7 +139,7 @@ def sealed_summary(name: str) -> tuple[dict[str, Any], SealedSummary]:
         for world, entry, seed, reward, shown in stored["rows"]
     ]
     summary = by_strata(rows)
-    assert summary is not None, f"{name} lacks adaptsim, a fixed rule or a limit"
+    assert summary is not None, f"{name} lacks adaptsim or a fixed rule"
     return stored, summary
 
 
@@ -169,15 +169,22 @@ def _benchmark(name: str) -> Iterator[str]:
 
 def _in_short(summary: SealedSummary) -> Iterator[str]:
     total = len(summary.worth)
-    yield (
-        f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {_mean_worth(summary):.3f} "
-        f"on average over the best fixed rule, `{summary.fixed_rule}`."
-    )
+    if total:
+        yield (
+            f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth "
+            f"{_mean_worth(summary):.3f} on average over the best fixed rule, `{summary.fixed_rule}`."
+        )
+    else:
+        yield (
+            f"No limit was run, so nobody knows which worlds are in need. The best fixed rule is "
+            f"`{summary.fixed_rule}`."
+        )
     ones = [one for one in summary.strata if one.stratum == ALL and one.entry != "adaptsim"]
     level = [f"`{one.entry}`" for one in ones if one.behind_ci95[0] <= 0.0 <= one.behind_ci95[1]]
     ahead = [f"`{one.entry}`" for one in ones if one.behind_ci95[1] < 0.0]
     yield f"No difference to `adaptsim` is shown for {', '.join(level) or 'any entry'}."
-    yield f"Shown to be ahead of it: {', '.join(ahead) or 'none'}. It is shown to be ahead of all others."
+    others = "It is shown to be ahead of all others." if len(level) + len(ahead) < len(ones) else ""
+    yield f"Shown to be ahead of it: {', '.join(ahead) or 'none'}. {others}".rstrip()
     yield ""
 
 

@@ -1,4 +1,4 @@
-"""A thread that takes every image off the camera as it comes, so that none waits in the driver until it is dropped.
+"""A thread that takes every image from the camera as it comes, so that the driver drops none.
 
 It keeps the newest image, and during a recording all of them. While libk4a waits, ctypes lets other threads run.
 
@@ -26,7 +26,7 @@ from hw.types import Frame
 WINDOW_S = 20.0
 """A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
 LEAST_PAIRS = 15
-"""The images of half a second. With fewer images, the smallest difference may still be that of a late one."""
+"""The images of half a second. With fewer, the smallest difference may still come from a late image."""
 JUMP_S = 0.02
 """An image that arrives this much (s) before the fastest of half a second shows that the device's clock has jumped
 ahead."""
@@ -64,8 +64,8 @@ class DeviceClock:
     def add(self, device_s: float, arrived_s: float) -> None:
         """Add one image: the middle of its exposure on the device's clock, and its arrival on the host's.
 
-        A device clock that jumps back or ahead was set anew, and one that stands still or pauses has lost time: earlier
-        pairs are dropped.
+        A device clock that jumps back or ahead was set again, and one that stands still or pauses has lost time. In
+        both cases, earlier pairs are dropped.
         """
         stands = bool(self._pairs) and device_s <= self._pairs[-1][0]
         ahead = self.is_settled and arrived_s - device_s < self._least_s - JUMP_S

@@ -25,7 +25,8 @@ class CameraKind:
     """The cameras of this kind that are plugged in. It runs in a child process, which a library may crash."""
     install: str = ""  # how to install what it needs, for a message
     probe: Callable[[float], ProbeReport] | None = None
-    """The same with a report about its library, within so many seconds; None: `find` is called in a child process."""
+    """The same within so many seconds, with a report about its library. If it is None, `find` is called in a child
+    process."""
 
 
 KINDS = {

@@ -1,4 +1,4 @@
-"""Looks for cameras and the library that serves them in a child process: a library that crashes ends only the child."""
+"""Looks for cameras and their library in a child process, so that a library that crashes ends only the child."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
 
 ANSWER_S = 3.0
-"""The longest silence of a running camera; while it connects, a message reports a silence of this length."""
+"""The longest silence of a running camera. While it connects, a message reports such a silence."""
 STEP_S = 20.0
 """The longest time for one step of connecting: the library, the depth engine, the first images."""
 MOST_LOST = 0.25

@@ -1,6 +1,6 @@
 """The process that speaks to the camera: `python -m hw.camera.served`. If a driver hangs, only this process hangs.
 
-It ends with the program: at once if idle, within a second if the driver blocks it.
+It ends when the program ends: at once if it is idle, within a second if the driver blocks it.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ class Device(Protocol):
 
 
 Make = Callable[[Callable[[], float]], Device]
-"""The arm's clock -> a camera, not open. Raises DeviceUnavailable without its library or a camera."""
+"""The arm's clock -> a camera that is not open yet. Raises DeviceUnavailable without its library or a camera."""
 
 
 def kinect(now_s: Callable[[], float]) -> Device:
-    """`Make`: an Azure Kinect or a Femto Bolt. A child process shows first that libk4a can be loaded and sees one."""
+    """`Make` of an Azure Kinect or a Femto Bolt. A child process checks first whether libk4a finds one."""
     report = probe_k4a()
     report.require()
     assert report.library is not None

@@ -128,7 +128,7 @@ class FrankaArm:
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
 
-        It holds until a `recover` that begins later: no motion begins before.
+        No motion begins until a `recover` that is called later.
         """
         self._stops += 1
 
@@ -274,8 +274,7 @@ class FrankaArm:
         return self._player
 
     def _recognise(self, player: Player) -> None:
-        """Check that the arm is of the model that every check assumes; of its joint limits and ours the narrower ones
-        count.
+        """Check that the arm is of the model that every check assumes. The narrower of its joint limits and ours count.
 
         Raises DeviceUnavailable for another model, and Failure.
         """

@@ -45,8 +45,7 @@ NO_FILTER_HZ = 1000.0
 """libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
 
 libfranka's rate limiter is off for the same reason. It would turn a jump of the commands into a chase at full speed
-(`limitRate` in its rate_limiting.cpp); without it the arm refuses the jump.
-"""
+(`limitRate` in its rate_limiting.cpp). Without it, the arm refuses the jump."""
 
 Drive = Callable[[Any, Any, Step], None]
 """(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last.
@@ -94,7 +93,7 @@ IDLE_READINGS = 500
 """The same after a motion or a recovery, until it reports Idle."""
 
 TAKEN_READINGS = 200
-"""The same until it reports the load that it was sent."""
+"""The same, until an arm reports the load that it was sent."""
 
 _PASSING = ("Move", "AutomaticErrorRecovery")
 """Modes that end by themselves."""
@@ -150,7 +149,7 @@ class Connection:
         return True
 
     def interruption(self, checked_s: float, state: SdkState | None = None) -> str:
-        """Why a motion that was checked at this time of the arm's clock may not begin, or "".
+        """Why a motion that was checked at this time of the arm's clock may not begin; "" if it may.
 
         `state` is that of its first cycle.
         """
@@ -261,7 +260,9 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
-        """The load of the hand from now on; an arm that is not Idle receives it before its next motion. Never moves."""
+        """Set the load of the hand from now on. An arm that is not Idle receives it before its next motion. Never
+        moves.
+        """
         self._payload = payload
         if self._settled().mode != "Idle":  # it is sent with the settings of the next motion
             return

@@ -1,7 +1,7 @@
-"""Explains libfranka's messages about its network and about refused commands, by the cause and the next step.
+"""Explains libfranka's messages about the network and about refused commands: the cause, and the next step.
 
-The sentences are those in the libraries of both SDKs (`tests/hw/franka/test_explanations.py` reads them there); the
-causes are the maker's documentation and its users' reports, by the numbers of the issues of libfranka.
+The sentences are those in the libraries of both SDKs, where `tests/hw/franka/test_explanations.py` reads them. The
+causes come from the maker's documentation and from users' reports, with their numbers among libfranka's issues.
 """
 
 from __future__ import annotations
@@ -70,7 +70,9 @@ def unreachable(who: str, host: str, text: str, phase: Phase) -> str:
 
 
 def _without_states(who: str, host: str, text: str, phase: Phase) -> str:
-    """TCP works, so cable, address and power do (issues 40, 165, 185, 203, 241): the states are lost on their way."""
+    """The cause if TCP works. Then cable, address and power work too (issues 40, 165, 185, 203, 241), and the states
+    are lost on their way.
+    """
     if phase is STARTING:
         return (
             f"{who} took the motion, and then none of its states arrived for a second ({text}); no joint was "
@@ -139,7 +141,7 @@ _REFUSALS = {
 
 
 def refused(text: str) -> str:
-    """libfranka's words for a command that an arm does not take, or does not go on with."""
+    """libfranka's message for a command that an arm refuses or breaks off, with cause and next step."""
     if (match := _MODE.search(text)) is not None:
         return _in_mode(match[1], text)
     words = next((words for part, words in _REFUSALS.items() if part in text), None)
@@ -147,7 +149,7 @@ def refused(text: str) -> str:
 
 
 def _in_mode(spoken: str | None, text: str) -> str:
-    """A command of the mode Idle in another one; libfranka 0.9 and older do not say in which."""
+    """The cause if a command for the mode Idle came in another mode; libfranka 0.9 and older do not say in which."""
     if spoken is None:
         return (
             "the arm takes no command now: its stop button is pressed, somebody guides it by hand, its joints are "

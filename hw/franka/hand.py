@@ -46,7 +46,8 @@ class NothingGrasped(HandError):
 
 
 Answer = HandState | HandError | DeviceUnavailable | Stopped | Widths
-"""Answer to every call, rows to `WIDTHS`; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
+"""The answer to a call; that to `WIDTHS` has rows. A HandError says that the call failed, DeviceUnavailable that the
+hand is lost."""
 
 
 class FrankaHand:
@@ -118,7 +119,7 @@ class FrankaHand:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
 
     def widths(self, over: Callable[[], bool]) -> Widths:
-        """Read the width until it is over, with the times (`time.monotonic`) at which it came."""
+        """Read the width again and again until `over()`, with the times (`time.monotonic`) at which it came."""
         rows, ends = [self._timed_width()], False
         while not ends:
             ends = over()  # before the last row, which shows fingers that stayed where they had closed

@@ -124,7 +124,7 @@ class Keeper:
         self._ended = False
 
     def ask(self, call: Call) -> Answer:
-        """Pass the request to the worker, and stop the worker if the program wants that. A worker that ended is not
+        """Pass the request to the worker, and stop the fingers if the program asks for that. An ended worker is not
         restarted.
         """
         if self._ended:

@@ -17,7 +17,7 @@ from hw.watchdog import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 LONGEST_S = 30.0
 """The longest time for a command: the fingers need three seconds for their whole travel."""
 _STOPPED_S = STOP_S + WORKER_S + WATCH_S + 2.0 * STILL_S + READ_S
-"""How long the hand's process may take to stop the fingers, and to see that they stand."""
+"""How long the hand's process may take to stop the fingers, and to check that they stand still."""
 
 
 class HandProcess:
@@ -29,7 +29,7 @@ class HandProcess:
     """
 
     def __init__(self, model: str, host: str, *, pedal: Pedal | None = None, silence_s: float = SILENCE_S) -> None:
-        """`model` is the arm's, a key of `hw.franka.versions.PACKAGES`; `host` its address."""
+        """`model` is the arm's model, a key of `hw.franka.versions.PACKAGES`, and `host` is its address."""
         self._model, self._host, self._pedal, self._silence_s = model, host, pedal, silence_s
         self._child: Child | None = None
         self.stopped_after_s: float | None = None
@@ -105,7 +105,7 @@ class HandProcess:
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
     def _interrupted(self, child: Child) -> str:
-        """Stop the fingers. -> a sentence for a person about how they stopped."""
+        """Stop the fingers, and return a sentence for a person about how they stopped."""
         try:
             child.send_word(REQUESTED)
             answer = child.receive() if child.answers(_STOPPED_S) else None

@@ -1,4 +1,4 @@
-"""Decides whether a stop worked, by the widths before and after it, and says so in a sentence.
+"""Decides by the widths before and after a stop whether it worked, and states the result in a sentence.
 
 The Franka Hand may accept a stop and still move (libfranka's issues 18, 28, 52 and 111), or answer only once its
 fingers have arrived. So only the width that the hand reports afterwards shows whether they stand still.
@@ -20,7 +20,7 @@ STILL_M = 0.0005
 COAST_M = 0.003
 """How far stopped fingers may move from the request to their rest: 0.1 s at their speed."""
 WATCH_S = 3.0
-"""The longest watch over fingers that go on: the time that they need for their whole travel."""
+"""The longest time to watch fingers that keep moving: the time that they need for their whole travel."""
 
 Widths = Sequence[tuple[float, float]]
 """Rows of a time (s) and the fingers' width (m) then."""
@@ -46,7 +46,7 @@ class Stopped:
 
     @property
     def is_certain(self) -> bool:
-        """Whether the fingers stood still, where the stop found them."""
+        """Whether the fingers surely stood still at the place where they were stopped."""
         return self.stands and self._moved_m <= COAST_M
 
     @property

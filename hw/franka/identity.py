@@ -1,6 +1,7 @@
 """Finds the model of the connected arm, and the limits of its joints, from the arm's own report.
 
-* The version of its research interface tells a Panda (5) from both FR3s (10); libfranka refuses any but its own.
+* The version of its research interface distinguishes a Panda (5) from both FR3s (10). libfranka refuses every version
+  but its own.
 * libfranka builds its dynamics from the description (URDF) that an FR3 sends. Its mass matrix tells FR3 and FR3 v2
   apart: their moving masses are 15.5 and 13.5 kg, and their mass matrices differ by 4 % in the ready posture.
 * Where the SDK hands out that description, the robot's name in it has to agree, and its joint limits count.
@@ -26,9 +27,9 @@ TITLES = {"panda": "a Panda (Franka Emika Robot)", "fr3": "an FR3", "fr3v2": "an
 ALIKE = 0.02
 """Relative difference of two mass matrices up to which they are of one arm: half of that between FR3 and FR3 v2."""
 CLEAR = 3.0
-"""So many times nearer than to every other model a mass matrix has to be."""
+"""A mass matrix has to be this many times nearer to its model than to every other one."""
 SAME_LIMIT = 1e-3
-"""Joint limits (rad, rad/s) that differ by less are one number, rounded."""
+"""Joint limits (rad, rad/s) that differ by less count as equal, because they are rounded."""
 LONGEST_URDF = 1_000_000
 """Characters; an FR3's description has 10,000."""
 

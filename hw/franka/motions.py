@@ -1,6 +1,7 @@
-"""Before a motion of an arm: its checks, its beginning at the joints that the arm holds, and the load that it feels.
+"""The steps before a motion of an arm: its checks, its beginning at the joints that the arm holds, and the load that
+the arm feels.
 
-After it, from its log: its stop.
+After the motion, its stop is read from its log.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ SAME_RAD = 1e-6
 
 
 PathCheck = Callable[[JointPath, Array | None], object]
-"""Raises MotionRefused for a path that must not be played; given the present joints (7,), it has to begin there."""
+"""Raises MotionRefused for a path that must not be played. If the present joints (7,) are given, it has to begin there.
+"""
 
 
 def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck) -> JointPath:
     """`path`, begun at the joints (7,) that the arm's controller holds: the arm rejects a jump.
 
-    The difference is the sag under load. It fades over `FADE_S`, and `check` checks the result again. Raises
+    The difference is the sag under load. It fades over `FADE_S`, and `check` is applied to the result again. Raises
     MotionRefused if the difference is too large for a sag, and the errors of `check`.
     """
     off = q_held_rad - path.q_rad[0]
@@ -53,7 +55,7 @@ def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck) 
 UNDECLARED_KG = 0.5
 """A larger difference stops the first motion. A torque error of 0.8 Nm in every joint counts as 0.2 kg."""
 READINGS = 100
-"""States to average, one per millisecond, after as many in which the arm's estimate settles."""
+"""Number of states to average, one per millisecond. As many states before them let the arm's estimate settle."""
 
 
 def undeclared_kg(q_rad: Array, external_Nm: Array, com_F_m: Array) -> float:

@@ -33,8 +33,8 @@ STEP_RAD = 3e-6
 """How far the first command may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
 and 3000 rad/s³, which every joint of all arms may do. States in single precision differ by less."""
 FADE_TICKS = 500
-"""Over so many milliseconds a larger difference fades: a trajectory has to begin at the arm's most recent `q_d`
-(control_parameters.rst of the maker's FCI documentation)."""
+"""A larger difference fades over this many milliseconds, because a trajectory has to begin at the arm's most recent
+`q_d` (control_parameters.rst of the maker's FCI documentation)."""
 GAP_S = 0.02
 """The longest time between two cycles, on the arm's clock: the arm stops by itself after 20 lost commands in a row."""
 STILL_RAD_S = 0.01
@@ -102,9 +102,9 @@ class Played:
 class Playback:
     """`step` is called in every cycle of the arm. `stop_reason` returns the reason to stop now, or "".
 
-    `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
-    the program sent the motion, on the clock `awake`; None: now. `held_rad` is how far the held joints may be from the
-    first sample; the difference fades.
+    `interrupted` gets the state of the first cycle, and returns why the motion may no longer begin, or "". `sent_s` is
+    when the program sent the motion, on the clock `awake`; None: now. `held_rad` is how far the held joints may be from
+    the first sample; the difference fades.
     """
 
     def __init__(

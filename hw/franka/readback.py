@@ -14,7 +14,7 @@ from hw.franka.settings import Payload
 from hw.mass import Mass
 
 LOAD_KG, LOAD_M, LOAD_KG_M2 = 0.001, 0.0005, 1e-5
-"""The load is read back as it was sent: states come in single precision."""
+"""The load that is read back may differ by this from the one that was sent, because states come in single precision."""
 HAND_KG, HAND_M, HAND_KG_M2 = 0.05, 0.01, 0.002
 """The hand is set in Desk by a person, perhaps with fingers of their own; 0.05 kg are at most 0.4 Nm on a joint."""
 

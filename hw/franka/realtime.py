@@ -20,7 +20,7 @@ _PREEMPT_RT = re.compile(r"\bPREEMPT[_ ]RT\b")
 
 
 def kernel_has_flag(flag: Path = KERNEL_FLAG) -> bool:
-    """Whether the file under /sys says that the kernel is PREEMPT_RT. It is all that libfranka looks at."""
+    """Whether the file under /sys says that the kernel is PREEMPT_RT. libfranka looks at nothing else."""
     try:
         return flag.read_text().strip() == "1"
     except OSError:
@@ -75,8 +75,8 @@ _LEAST_LOCKED_BYTES = 2**30
 def settle(latency: Path = LATENCY, isolated: Path = ISOLATED) -> tuple[str, ...]:
     """Lock and touch this process's memory, bind it to one core, and keep the processor awake while it lives.
 
-    Call it once, after everything is loaded. Returns a sentence for each of the three that the computer does not
-    permit. Motions work without them, perhaps with a lower success rate.
+    Call it once, after everything is loaded. Returns a sentence for each of these three steps that the computer does
+    not permit. Motions work without them, perhaps with a lower success rate.
     """
     return tuple(filter(None, (_lock_memory(), _keep_to_a_core(isolated), _stay_awake(latency))))
 
@@ -105,7 +105,7 @@ def _keep_to_a_core(isolated: Path) -> str:
 
 
 def _listed(file: Path) -> list[int]:
-    """The cores of a list such as 2-3,5; none if the file does not exist."""
+    """The cores in a list such as 2-3,5; none if the file does not exist."""
     try:
         parts = [part.split("-") for part in file.read_text().strip().split(",") if part]
     except OSError:

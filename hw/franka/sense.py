@@ -2,8 +2,8 @@
 
 Arms were reported whose estimate of external torques was exactly 0, or stood still. A live estimate shows two things,
 even without contact. It has noise in every joint. And its errors (weight, friction, the gears' ripple) depend on the
-posture, so its mean differs between two postures by more than its noise explains. Zero is no such error: an estimate
-that does not follow the arm is dead, whatever its value.
+posture, so its mean differs between two postures by more than its noise explains. An estimate that does not change with
+the posture is dead, whatever its value.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ LEAST_NOISE_NM = 2e-4
 """Least standard deviation of every joint over the readings: under a hundredth of the noise of a real Panda's quietest
 joint, 0.03 Nm."""
 APART_RAD, APART_JOINTS = 0.05, 3
-"""Least difference of two postures, and least number of joints that differ by it: a single ripple may be equal."""
+"""Least difference of two postures, and least number of joints that differ by it, because the ripple of a single joint
+may be equal at both."""
 UNLIKELY = 40.0
 """Sum over the joints of the squared change of the mean over its squared standard error. Noise around a constant
 exceeds it once in 800,000 times (chi-squared, 7 degrees of freedom); simulated ripple gives hundreds."""

@@ -64,8 +64,8 @@ class CollisionThresholds:
     # (6,): force along X, Y, Z in N and moment about them in Nm, on the tool
 
     def __post_init__(self) -> None:
-        """Raises ValueError for thresholds that are not above 0 or too high to stop anything, and for contact above
-        collision.
+        """Raises ValueError for a threshold that is not above 0 or is too high to stop anything, and for a contact
+        threshold above that of a collision.
         """
         for name, size, most in (
             ("torque_contact_Nm", 7, MOST_NM),

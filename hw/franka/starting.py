@@ -1,4 +1,5 @@
-"""The bounds between the check of a motion and its first command, and the measurement whether an arm keeps them.
+"""The bounds on the time and the motion between the check of a path and its first command, and the measurement of what
+an arm needs.
 
 Each could refuse every motion of a real arm if it were guessed wrong, so each is a setting with a safe range, and the
 doctor measures the values that the arm needs (`Rehearsal`).
@@ -18,15 +19,15 @@ UNWATCHED_RANGE_S = (0.05, 0.5)
 network.h) and reads no state meanwhile. Below 0.05 s one slow answer refuses a motion. The stop button of the arm
 latches: nobody presses it and pulls it again within 0.5 s. libfranka itself gives up after 1 s without a state."""
 START_RANGE_S = (0.5, 2.0)
-"""From the check to the first cycle pass three commands, the answer of each at most one `tcp_timeout` of libfranka
-(1 s) late. After 2 s a person may have changed the lab."""
+"""Three commands pass between the check and the first cycle, and the answer to each comes at most one `tcp_timeout` of
+libfranka (1 s) late. After 2 s a person may have changed the lab."""
 HELD_RANGE_RAD = (3e-6, 1e-4)
 """States are in single precision, which is exact to 2e-7 rad: 3e-6 rad is what one step may command (3 rad/s² and
 3000 rad/s³). 1e-4 rad are 0.1 mm at 1 m, a twentieth of the smallest clearance (2 mm over the table); faded over 0.5 s
 they add at most 0.003 rad/s² and 0.05 rad/s³ to the motion."""
 
 SPARE = 1.5
-"""A bound should be so many times what was measured."""
+"""A bound should be this many times the measured value."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Starting:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """What an arm needed in starts without a motion, and how its held joints wandered at rest."""
+    """The times that an arm needed in starts without a motion, and the drift of its held joints at rest."""
 
     starts: int
     pause_s: float  # the longest without a state in any of them

@@ -16,7 +16,7 @@ from hw.franka.driver import LOST, Failure, SdkState, error_names, mode_name
 from hw.franka.starting import UNWATCHED_S
 
 UNREAD_S = 0.02
-"""Longest pause (computer's clock) after which the socket cannot be full: the state that comes next is the newest."""
+"""Longest pause (computer's clock) after which the socket cannot be full, so that the next state is the newest."""
 
 WAITED_SHARE = 0.3
 """The program waited for a state if reading it took at least this share of the time between it and the state before."""
@@ -27,7 +27,7 @@ wait."""
 
 MOST_STATES = 2000
 CALM = ("Idle", "Move", "AutomaticErrorRecovery")
-"""Modes that need no person: before a motion the last one may still end, and a recovery follows a reflex."""
+"""Modes that need no person, because the last motion is still ending, or a recovery follows a reflex."""
 
 
 class States:
@@ -41,7 +41,7 @@ class States:
         self._resumed_s, self._unwatched = -inf, 0.0  # the first state after the last pause; the pause
 
     def next(self) -> SdkState:
-        """The state that comes next: the present one, if the last was read within `UNREAD_S`."""
+        """The next state in the socket. It is the present one if the last state was read within `UNREAD_S`."""
         state = self._robot.read_once()
         self._read_s = self._clock()
         self.note(state)
@@ -82,7 +82,7 @@ class States:
             self._disturbance = "; ".join(filter(None, (reflexes.of_mode(mode), reasons)))
 
     def since(self, checked_s: float) -> str:
-        """Why no motion may begin that was checked at this time of the arm's clock, or ""."""
+        """Why a motion that was checked at this time of the arm's clock may not begin; "" if it may."""
         if self._disturbed_s > checked_s:
             return f"since the motion was checked: {self._disturbance}"
         if self._resumed_s > checked_s:

@@ -99,7 +99,7 @@ def load(package: Package) -> Any:
 
 
 def explain_mismatch(model: str, text: str) -> str | None:
-    """libfranka's message about another interface version -> row of the matrix and remedy; None for other messages."""
+    """libfranka's message about another interface version -> row of the matrix, and remedy; None for other messages."""
     match = _MISMATCH.search(text)
     if match is None:
         return None

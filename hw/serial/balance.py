@@ -138,7 +138,8 @@ class SerialBalance:
             line.close()
 
     def mass_kg(self) -> float:
-        """The stable mass on the pan, as two answers agree. After an unplugging, the next call opens the port again.
+        """The stable mass on the pan, on which two answers agree. After an unplugging, the next call opens the port
+        again.
 
         Raises BalanceError (no stable mass, two masses, or unplugged), DeviceUnavailable (no answer).
         """

@@ -18,7 +18,7 @@ _GREETING_S = 3.0
 
 
 class EnablePedal:
-    """Hold to run. A thread listens; `enabled` is always fresh, and False when in doubt.
+    """A pedal that is held to run. A thread listens, so `enabled` is always fresh; it is False if there is any doubt.
 
     Not a safety device: the stop button of the arm is.
     """

@@ -117,7 +117,7 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
 
 
 def in_grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
-    """Eight-bit grey; an infrared image, dark with a few glaring spots, is stretched between its percentiles."""
+    """Eight-bit grey. An infrared image, dark with a few glaring spots, is stretched between its percentiles."""
     if image.ndim == 3:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     if image.dtype == np.uint8:
@@ -269,8 +269,8 @@ def _square_px(predicted: Array, board: Board) -> float:
 
 
 def _saddle(grey: Grey, px: Array, half: int) -> NDArray[np.bool_]:
-    """(N,) whether there is a saddle (opposite quarters alike, neighbours different), by second derivatives of the
-    patch.
+    """(N,) whether the second derivatives of the patch show a saddle, with opposite quarters alike and neighbours
+    different.
     """
     px = np.clip(px, 0.0, [grey.shape[1] - 1.0, grey.shape[0] - 1.0])
     sigma = max(0.35 * half, 0.8)

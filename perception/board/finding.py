@@ -121,7 +121,7 @@ def _edge(image: NDArray[np.uint8], start: Array, end: Array, middle: Array, rea
 
 @_find.register
 def _chessboard(target: Chessboard, image: Image, camera: Intrinsics) -> Corners:
-    """OpenCV's exhaustive search finds small boards in other things of the room, so it comes last."""
+    """Find a chessboard. OpenCV's exhaustive search comes last, because it finds small boards in other things."""
     size = (target.squares_across - 1, target.squares_down - 1)
     grey, why = in_grey(image), ""
     for search in (0, cv2.CALIB_CB_EXHAUSTIVE):
@@ -142,7 +142,7 @@ def _chessboard(target: Chessboard, image: Image, camera: Intrinsics) -> Corners
 
 
 def _off_plane(corners: Corners, target: CalibrationTarget, camera: Intrinsics) -> str:
-    """Why these are no points of a flat board with squares of one size; "" if they may be."""
+    """Why these cannot be points of a flat board with squares of one size; "" if they can."""
     points = target.p_MK_m[corners.ids]
     if len(points) < _LEAST_FLAT or not is_flat(points) or in_a_row(points, target.spacing_m):
         return ""

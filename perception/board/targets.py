@@ -111,7 +111,9 @@ class Circles:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """Half a turn, and quarters of a square one; a staggered grid looks alike turned only with odd rows."""
+        """Half a turn, and quarter turns if the grid is square. A staggered grid looks the same turned only if its rows
+        are odd.
+        """
         if self.staggered:
             return (np.arange(self.corners)[::-1],) if self.down % 2 else ()
         return _turns(self.across, self.down)
@@ -175,7 +177,7 @@ class Markers:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """None: a marker tells its corners apart."""
+        """None, because a marker identifies its corners."""
         return ()
 
     @property
@@ -223,7 +225,7 @@ class Points:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """Half a turn and quarters, if the points are flat and look the same so: other programs number from any end."""
+        """Half and quarter turns under which flat points look the same: other programs may number from any end."""
         return _symmetries(self.p_MK_m)
 
     @property

@@ -47,7 +47,9 @@ class CalibrationTarget(Protocol):
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """Other ids (K,) that the same points could have in a picture: a plain chessboard may be read upside down."""
+        """Other ids (K,) that the same points could have in a picture, because a plain chessboard may be read upside
+        down.
+        """
 
     @property
     def name(self) -> str:
@@ -88,7 +90,7 @@ class Board:
 
     @property
     def markers(self) -> int:
-        """Markers on the board, ids 0 to this less one."""
+        """Number of markers on the board; their ids count from 0."""
         return self.squares_across * self.squares_down // 2
 
     @property
@@ -119,7 +121,7 @@ class Board:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """None: the markers tell the corners apart."""
+        """None, because the markers identify the corners."""
         return ()
 
     @property

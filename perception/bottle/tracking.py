@@ -21,7 +21,7 @@ from perception.sightings import require_end, require_seen, seen_leaving
 from perception.types import ObjectTrack, Outcome, in_frames
 
 BEFORE_S = 0.05
-"""Frames from this long before the motion (s) are used, and all after it: the recording ends when the bottle rests."""
+"""Frames are used from this long before the motion (s) to the end of the recording, when the bottle rests."""
 TIPPED_DEG = 30.0
 _NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a fall this much later
 _SEEN = 0.35  # confidence from which a place counts
@@ -53,11 +53,11 @@ def track_bottle(
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
     trial; `arm_at(t_s)` gives arm and tool from measured joints, on the clock of the frames; the motion starts at
     `t_start_s` on that clock and lasts `duration_s`; `area` is the searched part of the table. Frames in which the
-    bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell: its
-    rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the edge
-    of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed if no
-    frame falls into the trial, the film ends before the motion, or the bottle is in none of the frames; OutcomeUnseen
-    if it is in too few of them.
+    bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell, because
+    its rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the
+    edge of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed
+    if no frame falls into the trial, the film ends before the motion, or the bottle is in none of the frames;
+    OutcomeUnseen if it is in too few of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
     if not any(f.t_s <= t_start_s + duration_s for f in chosen):
@@ -127,7 +127,7 @@ def _follow(
 
 
 def _guesses(history: list[tuple[float, Array]], t_s: float) -> list[Array]:
-    """Poses near which to search: it continued as before, or it stayed."""
+    """Poses near which to search: the bottle moved on as before, or it stayed."""
     t_last_s, last = history[-1]
     if len(history) < 2:
         return [last]
@@ -151,7 +151,7 @@ def _clutter(scan: Scan, raw: Raw, arm: ArmShape, X_BO: Array, body: Cylinder) -
 
 
 def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array, area: Area) -> Outcome:
-    """Lost is a bottle that was seen leaving the table, or the searched area."""
+    """The outcome of the track. A bottle is lost if it was seen leaving the table or the searched area."""
     last = t_s >= t_s[-1] - _LAST_S
     if np.median(tilt_deg[sure][-3:]) > TIPPED_DEG:
         return Outcome.TIPPED

@@ -12,13 +12,15 @@ from perception.piece.detection import HEIGHT_M, PieceDetection, find_piece
 from perception.piece.tracking import likeness
 
 _BESIDE_M = (0.10, 0.30, 0.20)
-"""Backwards, forwards and sideways from the piece (m): where another one is searched."""
+"""How far from the piece another one is searched: backwards, forwards and sideways (m)."""
 _LIKE = 0.7
 _LEAST, _MOST = 0.25, 3.0  # of the piece's area in pixels
 
 
 def find_alone(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> PieceDetection:
-    """As `find_piece`. Raises ObjectNotFound also if a second such piece lies outside of `area`, but within reach."""
+    """The same as `find_piece`, but also raises ObjectNotFound if a second such piece lies outside of `area` and within
+    reach.
+    """
     detection = find_piece(frame, model, X_BC, area)
     if (other_m := _another(frame, model, X_BC, detection)) is not None:
         raise ObjectNotFound(

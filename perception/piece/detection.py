@@ -39,9 +39,8 @@ def matte(rgb: NDArray[np.uint8], piece: Array, others: tuple[Array, ...]) -> Ar
 
 
 _BLACK, _GREY = 0.30, 0.60
-"""Brightness, as a share of the table's, up to which a pixel is as dark as a dark piece, and from which on it is
-table, also in a shadow, which leaves 0.72 of it (of the coded values).
-"""
+"""Two brightnesses, as shares of the table's. Up to the first, a pixel is as dark as a dark piece; from the second on,
+it is table, even in a shadow, which leaves 0.72 of the coded values."""
 
 
 def brightness(rgb: NDArray[np.uint8]) -> Array32:
@@ -58,16 +57,16 @@ def darkness(rgb: NDArray[np.uint8], table: float) -> Array32:
 _SURE, _FEWEST = 0.9, 8
 _LIT = 80.0
 _DARKEST, _DARK = 0.2, 0.5
-"""Brightness, as a share of the piece's own in this picture, below which a pixel on the tool shows only the tool, and
-above which it may show the piece.
-"""
+"""Two brightnesses, as shares of the piece's own in this picture. Below the first, a pixel on the tool shows only the
+tool; above the second, it may show the piece."""
 
 
 def without_halo(share: Array32, rgb: NDArray[np.uint8], on_tool: NDArray[np.bool_]) -> Array32:
     """`share` (h, w) without the rim that a piece gets on a black tool.
 
-    JPEG and demosaicing give dark pixels the colour of their bright neighbours; only their brightness tells them from
-    the piece. `on_tool` (h, w) are the pixels with the tool behind the piece. Elsewhere a dark pixel may be a shadow.
+    JPEG and demosaicing give dark pixels the colour of their bright neighbours, and only their brightness distinguishes
+    them from the piece. `on_tool` (h, w) are the pixels with the tool behind the piece. Elsewhere a dark pixel may be a
+    shadow.
     """
     total = rgb.sum(axis=-1, dtype=np.float32)
     sure = share > _SURE

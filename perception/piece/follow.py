@@ -33,7 +33,7 @@ _CANDIDATES = 3
 def places(
     view: ImageRegion, depth_view: ImageRegion, frame: Frame, proxy: Proxy, chroma: tuple[Array, ...]
 ) -> Iterator[Array]:
-    """(3,) m in the base frame: places of spots with the piece's colour and size, the largest spot first.
+    """Places (3,) in m, in the base frame, of spots with the piece's colour and size, the largest spot first.
 
     `chroma` are the chromaticities (2,) of the piece and of everything around it. The height comes from the depth
     camera; without enough readings the piece lies on the table.
@@ -163,7 +163,7 @@ def _refine(evidence: Evidence, rig: TrackingSetup, X_BT: Array, start_m: Array)
 
 
 def _guesses(rig: TrackingSetup, t_s: float, X_BT: Array, history: tuple[_Known, ...]) -> list[Array]:
-    """It stayed, it moved with the tool, it continued as before."""
+    """Places near which to search: the piece stayed, moved with the tool, or moved on as before."""
     last = history[-1]
     guesses = [last.centre_m, transform(X_BT, transform(inverse(last.X_BT), last.centre_m))]
     if len(history) > 1:
@@ -174,7 +174,7 @@ def _guesses(rig: TrackingSetup, t_s: float, X_BT: Array, history: tuple[_Known,
 
 
 def _rotation(X_BT: Array, centre_m: Array) -> Array:
-    """Over the blade the piece lies along it, else it stands on the table."""
+    """The rotation of the piece: over the blade it lies along the blade, otherwise it stands on the table."""
     in_tool = transform(inverse(X_BT), centre_m)
     over_blade = in_tool[0] < 0 and 0 < in_tool[2] < 0.05 and abs(in_tool[1]) < 0.05
     return X_BT[:3, :3] if over_blade else np.eye(3)
@@ -204,11 +204,12 @@ def _evidence(
 
 
 _RISEN, _RISES = 0.25, 0.35
-"""From this share of the piece's height on a reading before the tool begins to be the piece; so much higher it is."""
+"""A reading in front of the tool begins to count as the piece from the first share of the piece's height, and counts
+fully this much higher."""
 
 
 def _table_brightness(rig: TrackingSetup, frame: Frame) -> float:
-    """The median brightness around, which is the table's."""
+    """The median brightness around the piece, which is that of the table."""
     return float(np.median(brightness(frame.colour[rig.view.rows, rig.view.columns][::8, ::8])))
 
 

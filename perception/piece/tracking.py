@@ -150,10 +150,10 @@ def track_piece(
 
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
     trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose (4, 4) on
-    the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`.
-    Frames in which the piece cannot be located are bridged, with confidence 0. A piece is lost if it was seen leaving.
-    Raises TrackingFailed if no frame falls into the trial, the film ends before the motion, or the piece is in none of
-    the frames; OutcomeUnseen if it is in too few of them, or of the last.
+    the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`. Frames in which the
+    piece cannot be located are bridged, with confidence 0. A piece is lost if it was seen leaving. Raises
+    TrackingFailed if no frame falls into the trial, the film ends before the motion, or the piece is in none of the
+    frames; OutcomeUnseen if it is in too few of all frames, or of the last ones.
     """
     chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
     if not chosen:

@@ -49,11 +49,11 @@ class Adaptation:
         return policy_of(self.method, self.policies, particle, history, self.executable)
 
     def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
-        """The final task policy of a session that ended now. Raises ValueError without a trial."""
+        """The final task policy, if the session ended now. Raises ValueError without a trial."""
         return final_policy(self.method, self.policies, self.policies.task, history, self.executable)
 
     def assess(self, history: Sequence[Iteration]) -> Assessment:
-        """Best particle, verdict and forecast by the trials so far. Raises ValueError without a trial."""
+        """Best particle, verdict and forecast from the trials so far. Raises ValueError without a trial."""
         task = self.expectations.task
         best, forecast = assess(self.method, task, history)
         verdict = verdict_of(task, history, self._misfits, best, forecast)

@@ -19,7 +19,7 @@ CARD = "card.toml"
 FORMAT = 1
 
 Targets = Literal["paper", "wide"]
-"""Where targets are drawn: in the paper's ranges, or beyond them too."""
+"""Where targets are drawn: only in the paper's ranges, or also beyond them."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class EvaluationReport:
 
 
 class _Table(BaseModel):
-    """A table of the card. What this version does not know is kept as it is."""
+    """A table of the card. Keys that this version does not know are kept as they are."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -65,7 +65,7 @@ class Judging(_Table):
 
 
 class Budget(_Table):
-    """The size of each stage, as far as others ask for it."""
+    """The sizes of the stages that other code needs."""
 
     rollouts: int = 0  # of the dataset, spread evenly
     denser: int = 0  # further ones where the outcome is uncertain

@@ -32,7 +32,7 @@ from sim.tasks.library import read_library
 from sim.tasks.task import Solver, Task
 
 FEW = 2
-"""Rollouts that stand for the physics of a task of a file."""
+"""Number of rollouts that represent the physics of a task from a file."""
 
 MODEL = "model.safetensors"
 REWARD_TABLE, GRID = "prospects.", "grid."
@@ -148,7 +148,9 @@ def _require_same_physics(task: Task, path: Path, card: Card) -> None:
 
 
 def without_phase_1(task: Task, solver: Solver) -> Checkpoint:
-    """A replacement of a checkpoint if every prediction is simulated. Its hash is that of task and physics."""
+    """The replacement of a checkpoint for a session in which every prediction is simulated. Its hash is that of task
+    and physics.
+    """
     card = Card(
         format=1,
         task=task.name,

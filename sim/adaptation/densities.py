@@ -18,9 +18,8 @@ UNSURE = 0.1
 """Share of the uniform prior that stays when a session begins with the posterior of another: its object may differ."""
 
 ANOTHER_STD = 0.02
-"""Standard deviation of the parameters of another object or table of the same kind, as a share of the margin. A choice:
-no posterior is sharper for the next session, however exact it is for its own.
-"""
+"""Standard deviation of the parameters of another object or table of the same kind, as a share of the margin. It is our
+choice: for the next session no posterior is sharper, however exact it is for its own."""
 
 _NARROWEST = 1e-9  # least variance of a kernel, in squared fractions of the box
 _TRIED = 256  # draws of each kernel, to find those inside of the box
@@ -65,7 +64,7 @@ class Kernels:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known before the first trial: uniform in a box, or the posterior of another session.
+    """The density before the first trial: uniform in a box, or the posterior of another session.
 
     That posterior is kernels around its points, cut off at the box; the share `UNSURE` stays uniform.
     """
@@ -106,7 +105,9 @@ class Prior:
         return np.asarray(np.logaddexp(np.log(UNSURE) + uniform, np.log1p(-UNSURE) + around))
 
     def cloud(self, n: int) -> Array:
-        """(n, p) points with this density, in an order without a trend; the uniform part is even. Always the same."""
+        """(n, p) points with this density, in an order without a trend. The uniform part is even, and the points are
+        always the same.
+        """
         rng = np.random.default_rng(0)
         near = 0 if self.kernels is None else round(n * (1.0 - UNSURE))
         even = self.low + sobol(n - near, len(self.low), rng) * (self.high - self.low)
@@ -126,7 +127,9 @@ class Prior:
 
 
 def unit_points(space: Space, values: Array) -> Array:
-    """(T, p) in units -> points whose `Space.spread` they are: even ones in `space` are even in the unit box."""
+    """The inverse of `Space.spread` for points (T, p) in units: points that fill `space` evenly fill the unit box
+    evenly.
+    """
     return space.unspread(values, np.random.default_rng(0).random(values.shape))
 
 

@@ -46,7 +46,7 @@ _DAMPINGS = np.array([1e-2, 1.0])
 def descend_with_few(
     residuals: Callable[[Array], Array], start: Array, bounds: tuple[Array, Array], difference: float
 ) -> tuple[Array, float]:
-    """The same from one start (p,), where an evaluation is a simulation: p + 1 + 2 `FEW_STEPS` of them.
+    """The same from one start (p,), if an evaluation is a simulation. It takes p + 1 + 2 `FEW_STEPS` evaluations.
 
     Slopes are measured once, over `difference`; Broyden's update (1965, Math. Comp. 19) follows each step. Each step
     tries two dampings, which may be simulated side by side.

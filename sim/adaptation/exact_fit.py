@@ -26,7 +26,7 @@ STARTS = 8
 """Number of starts of a search, the best points of the cloud."""
 
 LEAST_LEFT = 0.01
-"""Least misfit that counts as left, in the tolerated deviations of a trajectory: less is rounding."""
+"""Least misfit that counts, in units of the tolerated deviation of a trajectory; less is rounding."""
 
 AT_EDGE = 1e-3
 """A fit lies at the edge of the margin if its distance from the edge is below this share of the margin."""

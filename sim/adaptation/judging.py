@@ -32,7 +32,8 @@ SIGNAL_STD = 0.2
 """Standard deviation of the expected reward over the parameters."""
 
 LENGTH = 0.3
-"""Distance over which it varies, in fractions of the ranges and over all parameters together: two steps of 0.15."""
+"""Distance over which the expected reward varies, in fractions of the ranges and over all parameters: two steps of
+0.15."""
 
 
 def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
@@ -168,7 +169,7 @@ def _quality(history: Sequence[Iteration]) -> PredictionQuality | None:
 
 
 FULL = 0.995
-"""Rewards from here on are shown as 1.00, the most that is possible."""
+"""Larger rewards are shown as 1.00, the largest possible reward."""
 
 
 def _by_parameters(

@@ -21,8 +21,8 @@ WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
 
 ENOUGH = 2
-"""Iterations after which a session is done: the second is the first that tries a policy chosen by trials, and no rule
-has shown skill beyond this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
+"""Number of iterations after which a session is done. The second one is the first that tries a policy chosen by trials,
+and no other rule has shown more skill than this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
 
 REFUTED = 0.5
 """The latest iteration refutes its leading policy if that earned less than this share of the predicted reward."""
@@ -40,7 +40,8 @@ All three were chosen on development worlds (docs/decisions/0011-one-method.md).
 class Particle:
     """One parameter distribution E that adapts through a session, as samples in units.
 
-    AdaptSim's Gaussian is so narrow that its one sample is its mean; UDR holds many over all of Omega.
+    AdaptSim's Gaussian is so narrow that its only sample is its mean; a particle of UDR has many samples over all of
+    Omega.
     """
 
     samples: Array  # (m, p)
@@ -56,7 +57,7 @@ class Particle:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One real execution, in the form for learning."""
+    """One real trial, in the form for learning."""
 
     context: Array  # (c,) in units
     action: Array  # (a,) commanded, in units
@@ -84,7 +85,9 @@ def require_whole(method: str, trials: Iterable[Trial]) -> None:
 def trials_of_rows(
     contexts: Array, actions: Array, observations: Array, rewards: Array, ends: Iterable[Array | None]
 ) -> tuple[Trial, ...]:
-    """N trials from a row each: contexts (N, c), actions (N, a), observations (N, size), rewards (N,), N end states."""
+    """N trials, one from each row of contexts (N, c), actions (N, a), observations (N, size), rewards (N,), and N end
+    states.
+    """
     rows = zip(contexts, actions, observations, rewards, ends, strict=True)
     return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 
@@ -118,7 +121,7 @@ class Best:
 
 @dataclass(frozen=True, eq=False)
 class SessionForecast:
-    """The forecast of a session, for the final policy that it would have if it ended now."""
+    """The forecast of the final policy that a session would have if it ended now."""
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
@@ -134,12 +137,12 @@ class SessionForecast:
 
     @property
     def hopeless(self) -> bool:
-        """Whether nothing in the ranges of the action is expected to work, or nothing has worked for long."""
+        """Whether no action in the ranges is expected to work, or no trial has worked for a long time."""
         return self.ci95[1] < HOPELESS or self.has_only_failed
 
     @property
     def has_only_failed(self) -> bool:
-        """Whether nothing has worked for long."""
+        """Whether no trial has worked for a long time."""
         return self.failures >= FAILURES
 
 
@@ -168,7 +171,7 @@ class OwnPolicies(Protocol):
 
 @runtime_checkable
 class Forecasting(Protocol):
-    """A method that judges its session itself, and says what another iteration would bring."""
+    """A method that judges its session itself, and forecasts the gain of another iteration."""
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
         """The final parameters, and the forecast. Raises ValueError without a trial."""
@@ -187,7 +190,7 @@ class ExpectedTrajectories(Protocol):
 
 @runtime_checkable
 class Simulating(Protocol):
-    """A method that simulates in the session, so that it needs no Phase 1 and knows which parameters are likely."""
+    """A method that simulates in the session. So it needs no Phase 1, and it has draws of likely parameters."""
 
     @property
     def solver(self) -> Solver:
@@ -195,7 +198,7 @@ class Simulating(Protocol):
 
     @property
     def rollouts(self) -> KeptRollouts:
-        """All that it has simulated."""
+        """All rollouts that it has simulated."""
 
     def draws_after_each(self, history: Sequence[Iteration]) -> tuple[Array, ...]:
         """(N, p) equally likely parameters of the margin, in units: before the first iteration, and after each."""

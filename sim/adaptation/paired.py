@@ -1,4 +1,4 @@
-"""A difference of paired rewards that may be read after every pair: by betting. Pure.
+"""Tests by betting whether paired rewards differ. The result may be read after every pair. Pure.
 
 A gambler bets against the claim "the mean difference is at most m". While the claim holds, the expected capital never
 grows, so the chance that it ever reaches 1/alpha is at most alpha (Ville's inequality): one may look after every pair
@@ -27,8 +27,8 @@ ALPHA = 0.05
 """Chance that the interval ever misses the mean difference."""
 
 ALPHA_SHOWN = 0.04
-"""The part of ALPHA of the lower end, and of the claim of a gain, which is the question; the rest is of the upper end.
-"""
+"""The part of ALPHA that is spent on the lower end and on the claim of a gain, which is the question. The rest is spent
+on the upper end."""
 
 PAIRS = 60
 """Planned pairs, unless a session states another number."""
@@ -37,16 +37,17 @@ PLANNED = 0.7
 """Share of the first capital that bets by the plan."""
 
 WORTH = 0.05
-"""A smaller gain is not worth a session: as in the results, where a gain counts from here."""
+"""A smaller gain is not worth a session. The results use the same limit."""
 
 BETS = np.array([0.9, 0.5, 0.25, 0.12, 0.06, 0.03])
-"""Shares of the capital at stake; the largest shows large differences soon, the smallest find small ones at all."""
+"""Shares of the capital at stake. The largest shares show large differences early, and only the smallest find small
+ones."""
 
 SHARES = np.array([0.40, 0.30, 0.12, 0.08, 0.06, 0.04])
 """Shares of the first capital behind each bet."""
 
 MOST_FURTHER = 100
-"""Further pairs are looked for up to here."""
+"""The most further pairs that are considered."""
 
 _FUTURES = 400
 _STEPS = 30  # of a bisection over [-1, 1]: to 2e-9
@@ -106,7 +107,7 @@ def gain_capital(differences: Array, pairs: int = PAIRS) -> Array:
 
 
 def is_gain_shown(differences: Array, pairs: int = PAIRS) -> NDArray[np.bool_]:
-    """(..., n) whether a gain is shown after each pair: once it is, it stays so."""
+    """(..., n) whether a gain is shown after each pair. Once it is shown, it stays shown."""
     reached = gain_capital(differences, pairs) >= (1.0 - 1e-9) / ALPHA_SHOWN
     return np.asarray(np.logical_or.accumulate(reached, axis=-1))
 
@@ -172,7 +173,8 @@ def _claimed(is_shown: NDArray[np.bool_], highs: Array) -> tuple[Claim, int | No
 
 
 def further_pairs(differences: Array, pairs: int = PAIRS) -> int | None:
-    """Further pairs until "shown", in half of the futures that repeat the `differences` (n,) seen so far.
+    """Number of further pairs after which a gain is shown in half of the futures that repeat the `differences` (n,) so
+    far.
 
     None: more than MOST_FURTHER, or fewer than two pairs so far.
     """

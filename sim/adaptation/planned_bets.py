@@ -1,9 +1,9 @@
 """Bets on a difference of paired rewards that aim at a planned number of pairs. Pure.
 
 A gambler who may look forever bets carefully. One who knows that the comparison ends after N pairs chooses each stake
-so that the chance of reaching the goal by then is largest (dynamic programming over capital and pairs left). It needs
-a difference to plan for: a success rate of `HIGH` instead of `LOW`. Validity does not depend on that: while the
-expected difference is not positive, whatever the past, the capital never grows in expectation (Ville's inequality).
+so that the chance of reaching the goal by then is largest (dynamic programming over capital and pairs left). It needs a
+difference to plan for: a success rate of `HIGH` instead of `LOW`. The validity does not depend on this plan. As long as
+the expected difference is not positive, whatever the past, the capital never grows in expectation (Ville's inequality).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ GRID = 400
 
 
 def planned_capital(differences: Array, pairs: int, start: float) -> Array:
-    """(..., n) the capital after each pair, as a multiple of the first one; `start` is that one as a share of the goal.
+    """(..., n) the capital after each pair, as a multiple of the first capital; `start` is the first capital as a share
+    of the goal.
 
     `differences` (..., n) lie in [-1, 1]. At the goal, and after `pairs` pairs, the betting ends.
     """

@@ -3,10 +3,10 @@
 For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
 
-It weighs parameter vectors that follow the prior. Sharp trajectories would leave all weight on the nearest of them, and
-the interval would be that of the grid. So vectors are added where the weight is (`sim.adaptation.refining`; for an
-exact simulator `sim.adaptation.exact_fit`). If that does not resolve the likelihood, it is tempered (raised to a power
-below 1) until `RESOLVED` vectors carry the weight.
+It weighs parameter vectors that follow the prior. Sharp trajectories would leave all weight on the nearest vector, and
+the grid would decide the interval. So vectors are added where the weight is (`sim.adaptation.refining`; for an exact
+simulator `sim.adaptation.exact_fit`). If that does not resolve the likelihood, it is tempered (raised to a power below
+1) until `RESOLVED` vectors carry the weight.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ RESOLVED = 24.0
 """Least effective number of samples behind a posterior."""
 
 DRAWN, GENERATIONS = 256, 4
-"""Number of vectors of a generation, and the most generations, that refine a posterior."""
+"""Number of vectors in a generation that refines a posterior, and the most generations."""
 
 LEAST_EFFECTIVE = 10.0
-"""Least number of effective samples for an interval: a grid of fewer vectors than `RESOLVED` cannot be tempered."""
+"""Least number of effective samples for an interval, because a grid of fewer vectors than `RESOLVED` cannot be
+tempered."""
 
 COLLAPSED = "collapsed onto one sample: not an interval"
-"""In place of an interval."""
+"""Shown instead of an interval."""
 
 _HALVINGS = 40
 
@@ -76,7 +77,9 @@ class Posterior:
 
     @cached_property
     def effective(self) -> float:
-        """The effective number of different samples (Kish): all of them means no knowledge, 1 that one is left."""
+        """The effective number of different samples (Kish). If it is the number of all samples, nothing is known; if it
+        is 1, one sample has all the weight.
+        """
         return _effective(self.weights, _groups(self.samples))
 
     @property
@@ -106,7 +109,7 @@ class Posterior:
         return np.argsort(self.samples, axis=0)
 
     def table(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> list[dict[str, str | float]]:
-        """The quantiles of each parameter with its unit, a row each, for a data frame. Raises CollapsedPosterior."""
+        """The quantiles of each parameter with its unit, as rows of a data frame. Raises CollapsedPosterior."""
         ends = self.quantiles(levels)
         return [
             {

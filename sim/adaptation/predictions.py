@@ -2,9 +2,9 @@
 
 A gambler bets against the claim "each reward is, in expectation, the predicted one". While the claim holds, the
 expected capital never grows, so the chance that it ever reaches 1/alpha is at most alpha (Ville's inequality), for
-rewards of any distribution on [0, 1] and for a look after every iteration. Waudby-Smith & Ramdas 2023, J. R. Stat.
-Soc. B 86(1), with a null mean of its own for each trial. Rewards may be noisy: predictions need not name the outcome,
-only its mean.
+rewards of any distribution on [0, 1], and even if one looks after every iteration. Waudby-Smith & Ramdas 2023, J. R.
+Stat. Soc. B 86(1), with a null mean of its own for each trial. Rewards may be noisy: predictions need not name the
+outcome, only its mean.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ LEAST = 8
 """Fewer trials say too little about predictions."""
 
 MISS = 0.2
-"""An error below this leaves a choice between good and bad actions."""
+"""With errors below this, predictions can still separate good from bad actions."""
 
 MISSES = 0.25
-"""Share of the predictions that miss. Fewer failures among many trials are learnt from."""
+"""Share of the predictions that miss. The method learns from fewer failures among many trials."""
 
 NO_ORDER = 0.5
-"""Predictions with at least this rank correlation still say which action is better."""
+"""Predictions with at least this rank correlation still show which action is better."""
 
 STILL = 0.1
 """If the errors of the latest iteration are below this, the predictions have recovered."""
@@ -38,8 +38,7 @@ STAKES, DEAREST = (0.5, 0.95), 6.0
 """Shares of the largest possible bet at stake, each with half of the capital, and the limit of that bet.
 
 The larger share finds trials that all fail, the smaller one a mixture. The limit keeps a small error from refuting
-predictions near 0 or 1.
-"""
+predictions near 0 or 1."""
 
 TOO_HIGH, TOO_LOW, DISORDERED = 0.6, 0.15, 0.25
 """Shares of the first capital that bet on lower rewards, on higher ones, and on the reverse order."""
@@ -60,8 +59,8 @@ class PredictionQuality:
 
     @property
     def is_uninformed(self) -> bool:
-        """Whether the predictions are refuted, many of them miss by much, in no order either; and not only earlier:
-        those of the latest iteration are wrong as well.
+        """Whether the predictions are refuted, many of them miss by much, and they do not rank the trials either. Those
+        of the latest iteration must be wrong as well.
         """
         is_refuted = self.trials >= LEAST and self.capital >= 1.0 / ALPHA
         is_ordered = self.rank_correlation is not None and self.rank_correlation >= NO_ORDER
@@ -85,9 +84,9 @@ def capital_against(predicted: Array, observed: Array) -> float:
 
 
 def prediction_quality(predicted: Array, observed: Array, latest: int = 1) -> PredictionQuality | None:
-    """The quality for predicted and observed rewards (N,), the `latest` of them of the latest iteration.
+    """The quality for predicted and observed rewards (N,). The last `latest` ones are from the latest iteration.
 
-    Trials without a prediction (nan) do not count. None below two.
+    Trials without a prediction (nan) do not count. None for fewer than two trials.
     """
     has_prediction = np.isfinite(predicted)
     predicted, observed = np.asarray(predicted)[has_prediction], np.asarray(observed)[has_prediction]

@@ -2,10 +2,10 @@
 
 A cloud that fills the ranges evenly has no point near the truth once trials are sharp. So new points are drawn around
 the best ones, generation by generation: the likelihood is tempered until `RESOLVED` points carry the weight, and their
-kernel density proposes the next points. All points of all generations keep their weight: likelihood times prior over
-the density of all proposals together (deterministic mixture; Cornuet et al. 2012, "Adaptive multiple importance
-sampling", Scand. J. Stat. 39). It ends when the untempered likelihood is resolved. The same input gives the same
-points.
+kernel density proposes the next points. The points of all generations are kept. A point's weight is its likelihood
+times its prior, divided by the density of all proposals together (deterministic mixture; Cornuet et al. 2012, "Adaptive
+multiple importance sampling", Scand. J. Stat. 39). It ends when the untempered likelihood is resolved. The same input
+gives the same points.
 """
 
 from __future__ import annotations

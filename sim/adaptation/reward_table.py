@@ -58,7 +58,9 @@ class RewardTable:
         return int(np.linalg.norm(gaps, axis=1).argmin())
 
     def spread_out(self, task: Task, mean: Array, std: Array, n: int) -> tuple[Particle, ...]:
-        """The candidate with the highest mean reward (C,), and others, `APART` from each other, that may earn more."""
+        """The candidate with the highest mean reward (C,), and others that may earn more; all are at least `APART` from
+        each other.
+        """
         unit = task.parameters.normalise(self.candidates)
         chosen = [int(np.argmax(mean))]
         while len(chosen) < n:

@@ -1,9 +1,9 @@
 """The loop of a session, the same wherever its trials happen. Read from the top.
 
 `iterate` asks the session for the next missing stage, does it, and yields it: a trial, the adaptation, or the end of an
-iteration. Whoever takes the stages decides when the session ends, and what else happens at them. A stored session
-(`adaptsim_cli.session.flow`) keeps every stage on the disk before the next one begins. A `MemorySession` forgets all
-at its end: the benchmark and the evaluation of a pretraining need no more.
+iteration. The code that takes the stages decides when the session ends, and what else happens after a stage. A stored
+session (`adaptsim_cli.session.flow`) keeps every stage on the disk before the next one begins. A `MemorySession`
+forgets all at its end: the benchmark and the evaluation of a pretraining need no more.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from sim.adaptation.stages import Adapt, Existing, Layout, RunTrial, Show, Stage
 from sim.tasks.task import SolvedPolicy
 
 Progress = Callable[[str, str], AbstractContextManager[None]]
-"""Tells the operator a sentence about a running step, and adds up its time under a word."""
+"""Shows the operator a sentence about a running step, and adds its time to that of a stage."""
 
 PolicySource = Callable[[], SolvedPolicy]
-"""The task policy of a trial, trained on the first call. A trial that continues from its recording needs none."""
+"""The task policy of a trial, which is trained on the first call. A trial that continues from its recording needs no
+policy."""
 
 Policies = dict[tuple[int, int], SolvedPolicy]
 """(iteration, particle) -> its task policy; only those of the newest iteration."""
@@ -51,7 +52,7 @@ class PlayableSession(Protocol):
 
     @property
     def progress(self) -> Progress:
-        """Hears of each step."""
+        """Is told of each step."""
 
     def next_stage(self) -> Stage:
         """The next missing stage."""
@@ -72,7 +73,7 @@ class PlayableSession(Protocol):
         """Keep the particles of the next iteration, chosen after `history`."""
 
     def mark_shown(self, iteration: int) -> None:
-        """Keep that a complete iteration has reached the operator; once more changes nothing."""
+        """Note that the operator has seen a complete iteration; a repeated call changes nothing."""
 
 
 def iterate(session: PlayableSession) -> Iterator[Stage]:
@@ -118,7 +119,9 @@ PlayTogether = Callable[[SolvedPolicy, int, int], tuple[Trial, ...]]
 
 @dataclass
 class MemorySession:
-    """A `PlayableSession` that is kept nowhere. All trials of a particle run together: nobody stands between them."""
+    """A `PlayableSession` that is not stored. All trials of a particle run together, because no operator acts between
+    them.
+    """
 
     adaptation: Adaptation
     play: PlayTogether
@@ -151,7 +154,7 @@ class MemorySession:
         )
 
     def play_trial(self, stage: RunTrial, policy: PolicySource) -> None:
-        """See `PlayableSession`; with all others of its particle."""
+        """See `PlayableSession`. All other trials of the particle are played at the same time."""
         self.played.append(self.play(policy(), stage.iteration, stage.particle))
 
     def keep_particles(self, stage: Adapt, history: Sequence[Iteration], particles: tuple[Particle, ...]) -> None:
@@ -163,7 +166,7 @@ class MemorySession:
         self.shown.add(iteration)
 
     def iterations(self, count: int) -> Iterator[tuple[Iteration, ...]]:
-        """Play `count` iterations: the history after each."""
+        """Play `count` iterations, and return the history after each."""
         complete = (stage.iteration for stage in iterate(self) if isinstance(stage, Show))
         for iteration in islice(complete, count):
             self.mark_shown(iteration)

@@ -32,7 +32,9 @@ LEAST_UNIT = 0.1
 
 @dataclass(frozen=True)
 class PartStrengths:
-    """How much each part of the method counts: 1 as it is, 0 to leave it out, which an ablation does."""
+    """The strength of each part of the method: 1 is the method itself, and with 0, as in an ablation, the part is left
+    out.
+    """
 
     weights: float = 1.0  # power of the likelihood of trials, by which simulators are weighed
     discrepancy: float = 1.0  # factor on the scales of reality's discrepancy
@@ -84,7 +86,7 @@ class Simulators:
 
     @property
     def is_grid(self) -> bool:
-        """Whether any parameters count as the nearest point of a coarse grid."""
+        """Whether parameters are replaced by the nearest point of a coarse grid."""
         return isinstance(self.solver, ListedActionSolver) and isinstance(self.solver.behind, GridSolver)
 
     @cached_property

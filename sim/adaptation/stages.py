@@ -38,7 +38,7 @@ class Slot(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """Which trials an iteration has, in which order. Iterations, particles and trials of a particle count from 0.
+    """The trials of an iteration, and their order. Iterations, particles and trials of a particle count from 0.
 
     With control trials, each trial of a particle has a partner that the control's policy makes in the same context.
     The trials of a particle and their partners are one block, in random order.
@@ -100,7 +100,7 @@ class Existing:
 
 @dataclass(frozen=True)
 class RunTrial:
-    """Next: one trial of the robot."""
+    """The next stage is one trial of the robot."""
 
     iteration: int
     particle: int
@@ -113,7 +113,7 @@ class RunTrial:
 
 @dataclass(frozen=True)
 class Adapt:
-    """Next: adapt the particles to the trials of this iteration."""
+    """The next stage adapts the particles to the trials of this iteration."""
 
     iteration: int
     keys: tuple[TrialKey, ...]
@@ -121,7 +121,7 @@ class Adapt:
 
 @dataclass(frozen=True)
 class Show:
-    """Next: show a complete iteration, because the program ended before it did."""
+    """The next stage shows a complete iteration, because the program ended before it was shown."""
 
     iteration: int
 

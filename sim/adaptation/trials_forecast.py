@@ -14,7 +14,7 @@ FILE = "trials.toml"
 
 
 MOST_PAIRS = 60
-"""Pairs are looked for up to here."""
+"""The most pairs that are considered."""
 
 
 class SessionShare(Record):
@@ -61,7 +61,7 @@ def save(forecast: TrialsForecast, folder: Path) -> None:
 
 
 def load(folder: Path, checkpoint_sha256: str) -> TrialsForecast | None:
-    """The forecast of the checkpoint in `folder`; None if there is none that can be read, or it is of other weights."""
+    """The forecast of the checkpoint in `folder`; None if it is missing, unreadable, or made with other weights."""
     try:
         forecast = from_any_version(TrialsForecast, read_toml(folder / FILE))
     except (OSError, ValueError):

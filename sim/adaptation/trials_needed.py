@@ -29,16 +29,16 @@ from sim.solvers.solver import policy_for
 from sim.tasks.task import SolvedPolicy
 
 SESSIONS = 64
-"""Imagined sessions: the share of one in five is then known to 5 %."""
+"""Number of imagined sessions. The share of one session in five is then known to 5 %."""
 
 ITERATIONS = 5
 """Iterations of an imagined session, as in the paper."""
 
 DIFFERENCES = (0.1, 0.2, 0.4)
-"""Gains over UDR for which the table says when they are shown."""
+"""Gains over UDR for which the table states the number of pairs."""
 
 ALIKE = 16
-"""A difference is represented by this many imagined sessions whose differences are nearest to it."""
+"""A difference is represented by the imagined sessions with the nearest differences; this is their number."""
 
 _FUTURES = 400
 
@@ -103,7 +103,9 @@ class SessionCourse:
 
     @property
     def first_success(self) -> int | None:
-        """Trials until the end of the iteration with the first reward above `FAILED`; None: there is none."""
+        """Number of trials until the end of the iteration with the first reward above `FAILED`; None if there is no
+        such reward.
+        """
         rewarded = [trial.reward > FAILED for trial in self.trials]
         return self.each * (rewarded.index(True) // self.each + 1) if True in rewarded else None
 
@@ -202,7 +204,9 @@ def needed(counts: Sequence[int | None]) -> TrialsNeeded:
 
 
 def _share(counts: Sequence[int | None], least: float) -> SessionShare:
-    """The least count that at least `least` of the sessions do not exceed, and the share that do not."""
+    """The smallest count that at least a share `least` of the sessions does not exceed, and the share that does not
+    exceed it.
+    """
     for most in sorted({count for count in counts if count is not None}):
         share = sum(count is not None and count <= most for count in counts) / len(counts)
         if share >= least:

@@ -1,4 +1,6 @@
-"""The verdict on a session as a value: what to do, why, and by which numbers. Words are made where it is shown."""
+"""The verdict on a session as a value: the advice, its reason, and the numbers behind it. Other code puts it into
+words.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from pydantic import Field
 from hw.records import Record
 
 LEAST_TRIALS = 6
-"""Fewest trials for a verdict: with fewer it says that there are too few, unless the method makes a forecast."""
+"""Fewest trials for a verdict. With fewer, it says that there are too few, unless the method makes a forecast."""
 
 
 class Kind(StrEnum):

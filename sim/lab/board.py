@@ -117,7 +117,7 @@ _RIB_M, _PAD_M, _LAP_M = 0.004, 0.04, 0.012  # thickness; height behind the boar
 
 
 def holder() -> Part:
-    """The tab by which the hand holds the board, to print. Raises ExtraMissing.
+    """The tab by which the hand holds the board, for printing. Raises ExtraMissing.
 
     Its frame: the middle of the board's upper edge, X along it, Y down, Z back.
     """

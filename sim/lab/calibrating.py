@@ -1,7 +1,7 @@
-"""The lab during a camera calibration: the arm holds a board, the table is clear, nothing touches anything.
+"""The lab during a camera calibration: the arm holds a board, the table is clear, and nothing touches anything.
 
 Arm and camera are those of `SimulatedLab` for the same world and seed, with the same hidden pose and errors. No plant
-is needed: the arm is where its joints are, plus the errors of its joints.
+is needed, because the arm follows from its joints and their errors.
 """
 
 from __future__ import annotations
@@ -51,15 +51,14 @@ def with_extrinsic_error(X_BC: Array, sensing: Sensing, rng: np.random.Generator
 
 
 FRAME_RATE_HZ = 15.0
-"""The camera's slower mode: enough for one swing of the board, with half the pictures."""
+"""The camera's slower mode, which is enough for one swing of the board and needs half the pictures."""
 SETTLE_S = 0.5
 TOUCH_S = 15.0
 """Time that a person takes to guide the tip to a corner."""
 LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
 """Blur and JPEG quality of a Kinect's colour stream.
 
-Pictures of trials do without, because they do not need a tenth of a pixel.
-"""
+Pictures of trials have neither, because they do not need a tenth of a pixel."""
 
 _LAID, _TOUCHED = 3, 4  # streams of `view_stream`, besides those of the pictures
 _HAND = "panda_hand"

@@ -64,7 +64,7 @@ class LabCamera:
         self._latest = [*self._latest[:1], room.filming.pictures]
 
     def stop_recording(self) -> Sequence[Frame]:
-        """See `hw.ports.Camera`. Some frames are still rendering from here on, while the lab goes on."""
+        """See `hw.ports.Camera`. Some frames are still rendered afterwards, while the lab continues."""
         self._connected()
         room, filming = self._room, self._room.filming
         if filming is None:

@@ -1,7 +1,7 @@
 """The lab's physics: a whole arm, its tool, the table and the object in one Drake plant.
 
-The arm is position controlled like the real one: a stiff spring and a damper in every joint pull it along the path, the
-controller carries its weight, and the plant integrates both implicitly. Tracking error and the yielding of the tool on
+The arm is position controlled like the real one. A stiff spring and a damper in every joint pull it along the path, and
+the controller carries its weight. The plant integrates both implicitly. Tracking error and the yielding of the tool on
 the table follow from this; nothing is added by hand.
 """
 
@@ -229,7 +229,7 @@ class Cell:
 
 
 def make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-    """Add springs and dampers in the joints that pull the arm along the input of its desired state port."""
+    """Add springs and dampers in the joints. They pull the arm along the input of its port for the desired state."""
     for name, p, d in zip(JOINT_NAMES, STIFFNESS_NM_RAD, DAMPING_NMS_RAD, strict=True):
         plant.GetJointActuatorByName(name, arm).set_controller_gains(PdControllerGains(p=p, d=d))
     plant.set_gravity_enabled(arm, False)  # the controller carries the arm's weight

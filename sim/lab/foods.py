@@ -24,7 +24,8 @@ EDGE_N_M = (1.5e3, 5e3)
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 
 COARSEST_STEP_S, FINEST_STEP_S = 1e-3, 1.25e-4
-"""Time steps with a blunt edge: at 1 ms a slice of cucumber converges, a raisin needs half of it (decision 12)."""
+"""Time steps with a blunt edge. A slice of cucumber converges at 1 ms, and a raisin needs half of that (decision 12).
+"""
 
 
 def food_world(task: Task, seed: int, number: int) -> World:

@@ -26,7 +26,7 @@ _DEPTH = Intrinsics(
     np.array([[504.6, 0, 332.8], [0, 504.7, 348.8], [0, 0, 1]]),
     np.array([0.54794, -0.02097, 0.00002, -0.00007, -0.00265, 0.88968, 0.08613, -0.01391]),
 )
-"""Azure Kinect, colour 720p and depth in the narrow field unbinned: the factory figures of one device, rounded."""
+"""The rounded factory figures of one Azure Kinect, with 720p colour and unbinned depth in the narrow field of view."""
 
 _DEPTH_TILT_RAD = 0.0863  # about the X axis, of one device; 6 degrees by design
 _DEPTH_OFFSET_M = (-0.0321, -0.0022, 0.0039)
@@ -56,7 +56,7 @@ def looking(eye_m: Array, ahead: Array) -> Array:
 
 
 def moved_X_BC(moved_mm: float, moved_deg: float, rng: np.random.Generator) -> Array:
-    """`default_X_BC` after somebody moved the camera by so much, in directions drawn from `rng`."""
+    """`default_X_BC` after somebody moved the camera by the stated amounts, in directions drawn from `rng`."""
     along, about = (axis / np.linalg.norm(axis) for axis in rng.standard_normal((2, 3)))
     R = Rotation.from_rotvec(np.deg2rad(moved_deg) * about).as_matrix()
     return np.asarray(default_X_BC() @ pose(R, 1e-3 * moved_mm * along))

@@ -27,7 +27,7 @@ from sim.types import Visual
 
 FRAMES_PER_S = 30.0
 SEEN_M = 1.5
-"""What stands around an arm is drawn up to this far from the arm's base, along each axis."""
+"""The surroundings of an arm are drawn up to this distance from its base, along each axis."""
 _MESHCAT_TITLE = "<title>Drake MeshCat</title>"
 _LIFT_M = 0.002  # of the work area, so that it lies above the table top
 _AREA, _BOX = Rgba(0.2, 0.6, 0.3, 0.4), Rgba(0.8, 0.2, 0.1, 0.25)

@@ -16,7 +16,7 @@ PLACING_STD_M = 0.002
 """Accuracy of a person who places a piece on a mark, m."""
 
 REPEATABILITY_RAD = 1e-4
-"""Joint error that is constant during a trial: about 0.1 mm at the tool, the maker's repeatability."""
+"""Joint error that is constant during a trial. It is about 0.1 mm at the tool, which is the maker's repeatability."""
 
 _TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW = range(7)
 _MOVED, _GUIDED = 8, 9  # a session of an earlier version had a stream 7
@@ -62,7 +62,7 @@ def camera_stream(seed: int) -> np.random.Generator:
 
 
 def moved_stream(seed: int) -> np.random.Generator:
-    """The stream for where somebody moved the camera to."""
+    """The stream for the place to which somebody moved the camera."""
     return _stream(seed, _MOVED)
 
 
@@ -77,7 +77,7 @@ def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
 
 
 def view_stream(seed: int, rest: int, picture: int) -> np.random.Generator:
-    """The stream of one picture of the calibration board (from 1) at one rest of the arm; 0: of the rest itself."""
+    """The stream of one picture of the calibration board (from 1) at one rest of the arm; 0 is the rest itself."""
     return _stream(seed, _VIEW, rest, picture)
 
 

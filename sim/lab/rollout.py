@@ -1,4 +1,6 @@
-"""Rollouts in a world: parameters, nuisance and unmodelled effects are the world's, contexts and actions anyone's."""
+"""Rollouts in a world. Parameters, nuisance and unmodelled effects are the world's; the caller gives contexts and
+actions.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ from sim.tasks.task import Task
 def rollout_in(world: World, context: Array, action: Array, task: Task | None = None) -> ObjectTrack:
     """A rollout at a context (c,) by an action (a,): parameters, nuisance and effects are the world's.
 
-    `task` is the one of the checkpoint: where policies are trained, it knows them. Raises ExtraMissing if the world's
-    physics is not installed, RolloutError if the task's code fails.
+    `task` is that of the checkpoint, which contains the trained policies if there are any. Raises ExtraMissing if the
+    world's physics is not installed, RolloutError if the task's code fails.
     """
     simulate = simulate_of(world.task, world.physics) if task is None or library_of(task) is None else task.simulate
     with simulating(world.task, f"world {world.name}, action {np.asarray(action).tolist()}"):

@@ -17,9 +17,8 @@ from sim.lab.world import World
 from sim.tasks.task import Task
 
 TRIAL_S, ATTEMPT_S = 1000.0, 50.0
-"""Placing sets the clock to `trial` times the first plus `attempt` times the second, so that times depend on nothing
-else.
-"""
+"""Placing sets the clock to `trial` times the first value plus `attempt` times the second, so that times depend on
+nothing else."""
 
 TRAVEL_PERIOD_S = 0.005
 CHECK_PERIOD_S = 0.02
@@ -62,8 +61,8 @@ class Room:
         return np.asarray(self.cell.q_rad - self.zeros_rad)
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.ObjectPlacer`: put the object at rest near `xy_m` (on its mark, or with its near side there),
-        the arm at home, clock and random numbers to those of this attempt.
+        """See `hw.ports.ObjectPlacer`. The object is put at rest near `xy_m` (on its mark, or with its near side
+        there), and the arm at home. Clock and random numbers become those of this attempt.
         """
         xy_m = Placing(xy_m, trial, attempt).xy_m
         self.chance = RngStreams.draw(self.seed, trial, attempt)

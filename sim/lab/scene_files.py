@@ -1,7 +1,8 @@
 """One trial as files that other programs load: its scene as SDFormat for Drake or MJCF for MuJoCo, its motion as JSON.
 
-The SDFormat file is written from the plant that `BuildScene` makes: every body, joint, shape and contact property is
-that of training. SDFormat cannot hold the time step, the contact law and which model is weightless; `trial.json` does.
+The SDFormat file is written from the plant that `BuildScene` makes, so every body, joint, shape and contact property is
+that of training. SDFormat has no place for the time step, the contact law, and which model is weightless; `trial.json`
+has them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from sim.types import Visual
 
 FORMAT = 1
 SCENE, TOOL, TABLE = "trial", "tool", "table"
-"""The whole, and two of its models: carriage with tool, and everything fixed. The object's is called as its body."""
+"""Names of the whole scene and of two of its models: the carriage with the tool, and everything fixed. The object's
+model has the name of its body."""
 _AXES = ("x", "y", "z")
 
 
@@ -139,7 +141,9 @@ class _Sdf:
         return bytes(ElementTree.tostring(self._root, "utf-8", xml_declaration=True)) + b"\n"
 
     def _link(self, model: Element, body: RigidBody, X_WB: RigidTransform) -> None:
-        """A body with its mass and shapes; one that touches where others of the body pass has its own link."""
+        """A body with its mass and shapes. A shape that touches things through which the body's other shapes pass has
+        its own link.
+        """
         name = TABLE if body.name() == "world" else body.name()
         link = _add(model, "link", name=name)
         _pose(link, X_WB)
@@ -256,7 +260,7 @@ def _add(parent: Element, tag: str, text: str | None = None, **attributes: str) 
 
 
 def _text(values: Any) -> str:
-    """Numbers as they read back exactly."""
+    """Numbers as text from which they can be read back exactly."""
     return " ".join(repr(float(value)) for value in values)
 
 

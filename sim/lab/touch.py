@@ -28,7 +28,8 @@ from sim.tasks.task import Task
 GUIDING_S = 15.0
 """The time that a person takes for one set-down."""
 AIM_M, TURN_RAD = 0.01, 0.04
-"""How exactly the person holds place and direction: one standard deviation along each axis, and of pitch and yaw."""
+"""The error of place and direction when a person holds the tool: one standard deviation along each axis, and of pitch
+and yaw."""
 _Q7 = 61
 _MARGIN_RAD = 0.03
 
@@ -115,7 +116,7 @@ def true_X_FT(world: World, designed: Array) -> Array:
 def set_down_q_rad(
     where: SetDown, world: World, designed: Array, arm: ArmModel, near_rad: Array, rng: np.random.Generator
 ) -> Array:
-    """(7,) reported joints with both corners on the true table, each off by an error of the hand.
+    """(7,) reported joints with both corners on the true table; each corner is off by an error of the hand.
 
     `designed` (4, 4) is the tool in the flange by its drawing. Raises SimError out of reach.
     """

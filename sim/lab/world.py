@@ -50,12 +50,12 @@ class Sensing:
     camera_moved_mm: Annotated[float, Field(ge=0, le=100)] = 0.0
     """How far somebody has moved the camera since its nominal calibration; the direction is drawn."""
     camera_moved_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
-    """How far it was turned then; the axis is drawn."""
+    """How far the camera was turned then; the axis is drawn."""
     board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
-    """Printed size of the calibration board over its stated size."""
+    """Ratio of the printed size of the calibration board to its stated size."""
 
     def stamped(self, t_s: float) -> float:
-        """A time of the arm's clock on the camera's own clock."""
+        """A time of the arm's clock, converted to the camera's own clock."""
         return t_s + 1e-3 * self.clock_offset_ms
 
 
@@ -291,7 +291,7 @@ def _model(table: str, types: tuple[tuple[str, tuple[Any, Any]], ...]) -> type[B
 
 
 def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
-    """A number; of a category, the index of its word."""
+    """A number; for a category, the index of its word."""
     if not isinstance(value, str):
         return float(value)
     if value not in dimension.words:
@@ -303,7 +303,7 @@ def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
 
 
 def _left_out(dimension: Dimension, middle: float, *, required: bool) -> Any:
-    """The value of a quantity that a table does not state; `...`: it must."""
+    """The value of a quantity that a table does not state; `...` if the table has to state it."""
     if dimension.default is not None:
         return int(dimension.default) if dimension.scale == "integer" else dimension.default
     return ... if required else middle

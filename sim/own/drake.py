@@ -22,9 +22,9 @@ _NAMESPACES = {"drake": "http://drake.mit.edu"}
 def drake(file: str, paths: Mapping[str, str], time_step: float = 1e-3) -> DrakeScene:
     """A scene of Drake (SDF, URDF or MJCF), and where its parameters are: `{"mass": "link/puck/inertial/mass"}`.
 
-    A path begins with kind and name of an element, and goes on to an element with a number, or to an attribute, whose
-    numbers have indices: `joint/slide/axis/dynamics/damping`, `geom/table/friction[0]`. Calling the scene with `p`
-    makes a plant of its own for each rollout. A relative file lies beside the file that calls. Raises TaskError.
+    A path begins with the kind and name of an element. It continues to an element with a number, or to an attribute
+    whose numbers have indices: `joint/slide/axis/dynamics/damping`, `geom/table/friction[0]`. Calling the scene with
+    `p` makes a plant of its own for each rollout. A relative file lies beside the file that calls. Raises TaskError.
     """
     scene = DrakeScene(beside_caller(file), require_paths("drake: paths", paths), time_step)
     scene.check()
@@ -82,7 +82,7 @@ class DrakeScene:
         return DrakeModel(plant, diagram, diagram.CreateDefaultContext())
 
     def check(self) -> None:
-        """Raises TaskError for a path that leads nowhere."""
+        """Raises TaskError for a path that does not exist."""
         root = self._root()
         for name, path in self.paths.items():
             _setter_of(root, path, self._where(name, path))

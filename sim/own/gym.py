@@ -60,7 +60,7 @@ def run_gym(
     """One rollout: times (N,) and states (N, k), the values of `see(env)` at the start and after each of the `steps`.
 
     `start(observation)` chooses the action. An environment that ends earlier ends the rollout. `dt` is the time of a
-    step in s; left out, the environment's own (`env.dt`). `seed` is that of `env.reset`.
+    step in s; by default it is the environment's own (`env.dt`). `seed` is that of `env.reset`.
     """
     scene = env if isinstance(env, GymScene) else gym(env, paths or {})
     if start is None or see is None:

@@ -52,7 +52,7 @@ class MujocoScene:
             raise TaskError(f"{self.file} does not compile with {p!r}: {error}") from error
 
     def check(self) -> None:
-        """Raises TaskError for a scene that cannot be read, and a path that leads nowhere."""
+        """Raises TaskError for a scene that cannot be read, and for a path that does not exist."""
         spec = self._spec
         for name, path in self.paths.items():
             thing, attribute = self._attribute_at(spec, name, path)

@@ -23,7 +23,7 @@ from sim.errors import TaskError
 from sim.own.values import Values
 
 _GRACE_S = 1.0
-"""A program that has not answered by then may be waiting for the end of its input, so that is closed."""
+"""A program that has not answered by then may be waiting for the end of its input, so its input is closed."""
 _SHOWN = 400
 
 

@@ -1,4 +1,6 @@
-"""What the scenes of all simulators share: a file beside the task's, paths to attributes, and the simulator's name."""
+"""The parts that the scenes of all simulators share: a file beside the task's file, paths to attributes, and the
+simulator's name.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,7 @@ def indexed(part: str, where: str) -> tuple[str, tuple[int, ...]]:
 
 
 def attributes(thing: Any) -> list[str]:
-    """The public attributes of a thing that are no methods."""
+    """The public attributes of a thing that are not methods."""
     names = [name for name in dir(thing) if not name.startswith("_")]
     return [name for name in names if not callable(_got(thing, name))]
 

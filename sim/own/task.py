@@ -37,7 +37,8 @@ from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task, Tas
 from sim.types import Space
 
 _EXAMPLE = 2001
-"""Moments of the trajectory by which the names of a measure are found: more than its indices count."""
+"""Number of moments of the trajectory with which the names of a measure are found; it exceeds the indices that a
+measure uses."""
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")

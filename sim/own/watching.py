@@ -1,4 +1,4 @@
-"""Notices whether the code of a task's file does more than compute: prints, sleeps, reads the clock, and more."""
+"""Notices whether the code of a task's file does more than compute, for example prints, sleeps or reads the clock."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: Arm
 def _nearest(q_wanted: Array, X_BF: Array) -> Array | None:
     """(N, 7) postures with the flange at X_BF (N, 4, 4), nearest to `q_wanted` (N, 7); None if this does not converge.
 
-    Newton's method on the pose; the free direction moves towards the wanted posture.
+    It is Newton's method on the pose, while the free direction moves towards the wanted posture.
     """
     q = np.array(q_wanted)
     for _ in range(_ITERATIONS):

@@ -56,7 +56,8 @@ def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, limits: JointLimits, s
 
 
 def time_curve(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
-    """The joint curve `along` (share (N,) of the way -> (N, 7)) in `duration_s`, or slower if limits require it.
+    """The path along the joint curve `along` (share (N,) of the way -> (N, 7)), in `duration_s` or slower if the limits
+    require it.
 
     Raises NotExecutable near a position limit or a singularity, where a slower motion does not help either.
     """

@@ -128,7 +128,8 @@ def _with_ways(task: JointPath, ways: Ways, cell: Workcell, back: JointPath | No
 def task_paths(
     motion: ToolMotion, X_FT: Array, cell: Workcell, seed: Array | None
 ) -> Iterator[tuple[float, JointPath]]:
-    """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.
+    """Acceptable paths of true joints, computed one by one, each with the ratio that ranks it. Raises NotExecutable if
+    there is none.
 
     `cell` is in true joints, as in all functions below.
     """
@@ -196,7 +197,7 @@ def _unless_refused(q_from: Array, ways: Ways, cell: Workcell) -> JointPath | No
 
 
 def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
-    """Straight up, then home; higher if that comes near an obstacle. Safe in both directions."""
+    """The path straight up, then home; it goes higher if that comes near an obstacle. It is safe in both directions."""
     refused = "nothing was tried"
     for rise_m in LIFTS_M:
         try:
@@ -227,7 +228,9 @@ def _gently(q_from: Array, q_home: Array, X_FT: Array, arm: ArmModel) -> Iterato
 
 
 def _ways(q_from: Array, q_home: Array, cell: Workcell) -> Iterator[JointPath]:
-    """Ways home in joint space: straight; else drawn back, rotated and lowered again; else around obstacles."""
+    """Ways home in joint space: a straight one; else one drawn back, rotated and lowered again; else one around
+    obstacles.
+    """
     limits = cell.arm.limits
     yield move_path(q_from, q_home, limits, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:

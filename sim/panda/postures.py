@@ -60,7 +60,7 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
 
 
 def _in_words(worst: Worst) -> str:
-    """What is in the way: two bodies that come too close, or another limit."""
+    """The reason why there is no way: two bodies that come too close, or another limit."""
     if worst.unit != "m" or worst.value > worst.limit:
         return str(worst)
     apart_mm, least_mm = 1e3 * worst.value, 1e3 * worst.limit

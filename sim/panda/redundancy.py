@@ -1,9 +1,9 @@
 """Chooses joint 7 along a flange motion so that the arm stays farthest from its limits.
 
 A flange path leaves one degree of freedom. Joint 7 is a smooth function of time (a quintic B-spline at rest at both
-ends) that minimises the largest ratio of any joint's position, velocity or acceleration to its limit: a coarse search
-over straight profiles on all branches of the closed-form inverse, then sequential linear programming with a trust
-region (each step linearises every ratio in the spline's coefficients and minimises their maximum).
+ends). It minimises the largest ratio of any joint's position, velocity or acceleration to its limit. First there is a
+coarse search over straight profiles on all branches of the closed-form inverse, then sequential linear programming with
+a trust region (each step linearises every ratio in the spline's coefficients and minimises their maximum).
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ class Profile:
 def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | None = None) -> Iterator[Profile]:
     """Refined profiles for flange poses (N, 4, 4) at evenly spaced `t_s` (N,), the most promising first.
 
-    Lazy, up to eight; none if the poses are out of reach. Starts near `q_seed_rad` (7,) are slightly preferred.
+    They are computed one by one, up to eight; none if the poses are out of reach. Starts near `q_seed_rad` (7,) are
+    slightly preferred.
     """
     grid = _Grid.around(t_s, X_BF, limits)
     best = np.inf

@@ -1,8 +1,8 @@
 """A touch-off by hand: the places at which a person sets the tool down, with both corners of one end on the table.
 
-Seven places: the edge at five around the work area, then steeply, then the heel. The edge alone measures the table
-where it is needed, with whatever error the tool's assumed pose has; the other two turn the tool about its edge, and so
-measure its pose.
+There are seven places: the edge at five places around the work area, then the edge held steeply, then the heel. The
+edge alone measures the table where it is needed, with whatever error the tool's assumed pose has; the other two turn
+the tool about its edge, and so measure its pose.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim.panda.tool import Feeler
 AROUND_M = ((-0.10, -0.16), (-0.10, 0.16), (0.06, 0.16), (0.06, -0.16), (-0.02, 0.0))
 """Places of the table around the work area's centre, along X and Y."""
 HAND_M = 0.0003
-"""Errors of a set-down by hand, one standard deviation: one that both corners share, and one of each corner."""
+"""Errors of a set-down by hand, one standard deviation each: that of both corners together, and that of each corner."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A task's tool in the hand: the workcell with it, its feelers in a touch-off, and the corrections found by one."""
+"""A task's tool in the hand: its workcell, its feelers in a touch-off, and the corrections from a touch-off."""
 
 from __future__ import annotations
 
@@ -96,7 +96,9 @@ def tool_of(hardware: Held) -> Tool:
 
 
 def cell_as_shipped(hardware: Held, model: str) -> Workcell:
-    """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
+    """The arm `model` with the task's tool over a level table at z = 0, with nothing around it and without joint
+    errors.
+    """
     from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model  # noqa: PLC0415 - slow to import, and tasks are named without an arm
 
     return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N, np.array(STOPS_AT_NM))
@@ -122,7 +124,7 @@ def feeling(hardware: Held) -> Tool:
 class ToolCorrection:
     """The measured corrections; the default is none.
 
-    Those of the tool are in its designed frame T, about the origin of T.
+    The corrections of the tool are in its designed frame T, about the origin of T.
     """
 
     table: Table = LEVEL

@@ -37,7 +37,7 @@ _SHADOWED = SAMPLES // 2
 """Shadows are computed for this sample alone, at every `_STRIDE`-th pixel."""
 _STRIDE = 2
 _BAND = 90
-"""Rows of the static scene that are cast at once: casting a ray takes ten times the memory of its colour."""
+"""Rows of the static scene that are cast at once, because casting a ray takes ten times the memory of its colour."""
 
 Posed = Sequence[tuple[Body, Array]]
 """Bodies with their poses (samples, 4, 4) in the base frame."""

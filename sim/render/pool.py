@@ -1,6 +1,6 @@
 """Renders the pictures of a film at the same time, one per process.
 
-Threads of one process take turns, because most of the work is Python's: two are no faster than one.
+Threads of one process take turns, because most of the work is Python's, so two threads are no faster than one.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ class RenderPool(Protocol):
     """Renders pictures of one scene in the background."""
 
     def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
-        """A future of the picture of one exposure; `rng` draws its noise. Its result may raise CameraError."""
+        """Start the picture of one exposure, and return its future; `rng` draws its noise. The result may raise
+        CameraError.
+        """
 
     def close(self, *, finish: bool) -> None:
         """End: with `finish`, after all requested pictures are rendered; otherwise the remaining ones are cancelled."""

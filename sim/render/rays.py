@@ -92,17 +92,17 @@ Array32 = NDArray[np.float32]
 _NODES = 32
 NEAR_M = 0.02
 _MARGIN_PX, _BENT_PX = 3, 140.0
-"""Margin around a projection: rays do not pass exactly through the pixel centres, and the lens bends straight edges.
+"""Margin around a projection, because rays do not pass exactly through the pixel centres, and the lens bends straight
+edges.
 
-A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length.
-"""
+A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length."""
 _FOV_MARGIN = 1.05  # the distortion polynomial is not trusted beyond the corners of the image
 
 
 def pixel_rays(camera: Intrinsics) -> Array32:
     """(H, W, 3) undistorted directions with z = 1 through the pixel centres (within 2e-3 px).
 
-    Undistorted to convergence at the nodes of a Chebyshev grid, and interpolated by its polynomial.
+    They are undistorted to convergence at the nodes of a Chebyshev grid, and interpolated by its polynomial.
     """
     to_row, row_nodes = interpolation(slice(0, camera.height), _NODES)
     to_column, column_nodes = interpolation(slice(0, camera.width), _NODES)

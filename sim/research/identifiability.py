@@ -1,4 +1,4 @@
-"""Finds the parameters that a session can identify, by the errors that are left after simulated sessions."""
+"""Finds the parameters that a session can identify, from the errors that remain after simulated sessions."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ SESSIONS, TRIALS = 24, 8
 
 SETTLES, PARTLY = 0.5, 0.85
 """A parameter settles, or settles in part, if its error after a session is below this fraction of the error without
-trials.
-"""
+trials."""
 
 
 def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None) -> Array:
-    """(p,) the error of each parameter after a session, as a fraction of that before: 1 if trials say nothing.
+    """(p,) the error of each parameter after a session, as a fraction of the error before it; 1 if trials are
+    uninformative.
 
-    By the weights from trials of simulated targets (`sim.adaptation.outcome_posterior`).
+    It follows from the weights after trials of simulated targets (`sim.adaptation.outcome_posterior`).
     """
     task, rng = simulators.task, np.random.default_rng(seed)
     policy = PosteriorPolicy(OutcomePosterior(simulators, ()))
@@ -64,7 +64,7 @@ def _trials(
 
 
 def in_words(left: float) -> str:
-    """A word for the success of a session in finding a parameter, from the fraction of its error that is left."""
+    """A word for how well a session identifies a parameter, from the fraction of its error that remains."""
     if left < SETTLES:
         return "found within a session"
     return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

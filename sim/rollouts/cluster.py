@@ -25,10 +25,11 @@ RETRIES = 3
 """How often a call is repeated elsewhere after its worker died or the call failed."""
 
 PACKAGES = ("adaptsim", "distributed", "drake", "mujoco", "numpy", "scipy")
-"""The numbers of a rollout depend on these; a cluster has the versions of the program that asks it."""
+"""The packages on whose versions the numbers of a rollout depend. The workers of a cluster must have the same versions.
+"""
 
 Warn = Callable[[str], None]
-"""Gets a sentence about a worker that is left out."""
+"""A function that gets a sentence about each worker that is left out."""
 
 
 @contextmanager

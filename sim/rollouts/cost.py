@@ -12,7 +12,7 @@ from sim.rollouts.dataset import draw_requests
 from sim.tasks.task import Task
 
 SLOW_S = 0.5
-"""A rollout that takes longer makes a simulator slow: it is worth to learn from fewer of them."""
+"""A simulator is slow if a rollout takes longer than this; then learning from fewer rollouts is worthwhile."""
 
 _TIMED, _BATCH = 3, 64
 """Rollouts that are timed: a few single ones, or one batch."""
@@ -42,8 +42,8 @@ class RolloutCost:
 
 
 def measured_cost(task: Task, seed: int) -> RolloutCost:
-    """The median time of a few rollouts, one after another, in this process; of a task that simulates batches, the time
-    of one, divided by its size.
+    """The median time of a few rollouts, one after another, in this process. For a task that simulates batches, it is
+    the time of one batch divided by its size.
     """
     rng, times = np.random.default_rng(seed), list[float]()
     if (simulate_many := task.simulate_many) is not None:

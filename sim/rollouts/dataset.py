@@ -1,10 +1,10 @@
-"""The dataset of a task: rollouts over parameters, actions, nuisance and, where it moves things, the context; drawn
+"""The dataset of a task: rollouts over parameters, actions, nuisance and, if it moves things, the context. It is drawn
 once and used by all learning.
 
 A folder holds `dataset.toml` (the settings, and probe rollouts that detect a changed scene) and shards. Shard i holds
-rollouts from i*SHARD on of a scrambled Sobol sequence. So this part is a function of (task, seed, size), a larger one
-extends a smaller one, and an interrupted run continues. A second part is denser where the outcome is uncertain: its
-rows come from further along the same sequence, are chosen with the help of the first part, and are listed in
+rollouts from i*SHARD on of a scrambled Sobol sequence. So this part depends only on (task, seed, size). A larger
+dataset extends a smaller one, and an interrupted run continues. A second part is denser where the outcome is uncertain:
+its rows come from further along the same sequence, are chosen with the help of the first part, and are listed in
 `denser.npz`.
 """
 
@@ -33,7 +33,7 @@ from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
 SHARD = 256
-"""Rollouts per file: about half a minute of one core, the most that an interruption costs."""
+"""Rollouts per file. They take about half a minute of one core, which is the most that an interruption costs."""
 
 MANIFEST = "dataset.toml"
 DENSER = "denser.npz"
@@ -63,7 +63,7 @@ class Dataset:
 
     @property
     def identity(self) -> str:
-        """A hash of everything but a context that all rollouts share."""
+        """A hash of everything except a context that all rollouts share."""
         same = bool((self.requests.context == self.requests.context[:1]).all())
         names = ("parameters", "action", "nuisance") if same else ("parameters", "context", "action", "nuisance")
         columns = {name: getattr(self.requests, name) for name in names}

@@ -74,7 +74,7 @@ def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, 
 def physical_contexts(task: Task, unit: Array) -> Array:
     """Points (N, len(task.physical_context)) of the unit box -> the contexts (N, c) of rollouts for learning.
 
-    They are drawn ones where a rollout depends on them, else the reference context.
+    They are drawn if a rollout depends on them; otherwise they are the reference context.
     """
     if len(task.physical_context):
         return task.context.spread(unit)

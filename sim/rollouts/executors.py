@@ -36,7 +36,7 @@ def serial_executor() -> ThreadPoolExecutor:
 def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
     """A pool of `workers` fresh processes (default: one per usable core), safe with threads and loaded libraries.
 
-    Only the waiting process handles an interrupt. On Linux no worker outlives it, however it ends.
+    Only the waiting process handles an interrupt. On Linux, no worker outlives this process, however it ends.
     """
     size = workers or usable_cores()
     return ProcessPoolExecutor(size, mp_context=_FreshContext(), initializer=runpy.run_path, initargs=(_WORKER,))

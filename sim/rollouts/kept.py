@@ -17,7 +17,7 @@ from sim.rollouts.shards import read_shard, write_rollouts
 from sim.tasks.task import Task
 
 PART = 32
-"""Rollouts per file: all that an interruption costs."""
+"""Rollouts per file: at most these are lost in an interruption."""
 
 OpenProgress = Callable[[int], AbstractContextManager[Progress]]
 """Number of rollouts -> where their progress is shown."""

@@ -19,32 +19,32 @@ from sim.tasks.task import Task
 NEAR_S = 0.5
 """The first sample of a trial lies at most this long before or after time 0, the start of its motion (s)."""
 LONGEST_GAP_S = 0.5
-"""Between two samples while the task observes (s)."""
+"""Longest time between two samples while the task observes (s)."""
 WIDENED = 1.0
 """How far a state may lie outside of the task's usual observations, as a share of their range."""
 START_M = 0.10
 """How far from its known start an object may begin (m)."""
 _REST_SHARE, _REST_S = 0.01, 0.1
-"""An object is at rest if it moves by less than this share of the range of observations in the last seconds (the second
-value)."""
+"""An object is at rest if it moves by less than the first value, a share of the range of observations, during the last
+seconds (the second value)."""
 ASIDE_M, _ASIDE_TRIALS = 0.03, 3
-"""If the starts of this many trials (the second value) all lie on the same side of the known place, by more than this
-median (m), the recordings use another frame."""
+"""The recordings use another frame if the starts of at least as many trials as the second value all lie on the same
+side of the known place, with a median distance of more than the first value (m)."""
 _ALIKE = 0.002
 """Trajectories that differ by less than this share of the range of observations are the same."""
 _COPY, _COPIED_MOVES = 1e-4, 0.05
-"""Shares of the range of observations. Trajectories that move by more than the second and agree within the first at
-every observed moment are copies."""
+"""Two shares of the range of observations. Trajectories are copies if they move by more than the second share and agree
+within the first at every observed moment."""
 LEAST = 8
-"""Least number of trials: four for a session of two particles with one trial each, four for the scores."""
+"""Least number of trials: four for a session of two particles with one trial each, and four for the scores."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedTrials:
     """Trials of one task, checked.
 
-    Raises RecordingsRefused if they are too few, if a value lies outside of the task's ranges, if times do not
-    increase, or if a trial is there twice. Its message names the trial.
+    Raises RecordingsRefused if there are too few trials, if a value lies outside of the task's ranges, if times do not
+    increase, or if a trial occurs twice. Its message names the trial.
     """
 
     task: Task
@@ -90,7 +90,7 @@ class RecordedTrials:
     def split(self, held_out: float, seed: int) -> tuple[RecordedTrials, RecordedTrials]:
         """The trials for a session, and those held out for scores: a share of `held_out`, drawn by `seed`.
 
-        Raises RecordingsRefused if either has too few.
+        Raises RecordingsRefused if either part has too few trials.
         """
         order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x5EC0,))).permutation(len(self))
         count = round(held_out * len(self))
@@ -310,7 +310,7 @@ def start_m(task: Task, context: Array | None) -> Array | None:
 
 
 def scores_only(task: Task) -> bool:
-    """Whether a context of the task only decides the reward, and not the motion."""
+    """Whether a context of the task decides only the reward, and not the motion."""
     if task.relocate is None:
         return not len(task.context)
     contexts = cover(task.context, 4, np.random.default_rng(0)) if len(task.context) else np.zeros((0, 0))

@@ -1,4 +1,4 @@
-"""Whether the rewards of a task are numbers from 0 to 1, take stacks of trials, and tell actions apart."""
+"""Checks whether the rewards of a task are numbers from 0 to 1, take stacks of trials, and differ between actions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _unclipped(task: Task, end: Array, context: Array) -> Array:
 
 
 def reward_complaints(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
-    """Sentences about rewards that are no numbers from 0 to 1, or that differ in a stack of trials."""
+    """Sentences about rewards that are not numbers from 0 to 1, or that differ in a stack of trials."""
     where = "reward" if task.file else "reward_of_success"
     right = f"rewards are numbers from 0 to 1 (`{where}`)"
     for one in rolls:

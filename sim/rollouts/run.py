@@ -24,13 +24,14 @@ OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
 """`Rollouts.outcome` holds indices into this tuple."""
 
 CHUNK, CALLS = 8, 16
-"""Most rollouts per call of a worker: half a second of work, so that little is repeated after a crash.
+"""The most rollouts per call of a worker. They are half a second of work, so that little is repeated after a crash.
 
-Fewer if that gives less than this many calls, so that even the two trials of a session's step keep two workers busy.
-"""
+There are fewer per call if there would be less than this many calls, so that even the two trials of a session's step
+keep two workers busy."""
 
 IN_FLIGHT = 4096
-"""Chunks in the executor's queue at a time, under 2 KB each: work for a thousand workers, and an end to the queue."""
+"""Chunks of under 2 KB in the executor's queue at a time. They are enough for a thousand workers, and bound the queue.
+"""
 
 Progress = Callable[[int, int], None]
 """(rollouts so far, all)"""

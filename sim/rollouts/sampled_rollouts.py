@@ -19,7 +19,8 @@ Mark = Literal["kept", "doubtful", "broken"]
 
 
 SPREAD, MOST, LEAST = 24, 512, 8
-"""Rollouts all over the ranges, besides those at their ends; the most if they are quick, the least if they are slow."""
+"""Number of rollouts all over the ranges, besides those at their ends: the largest for quick rollouts, the smallest for
+slow ones."""
 
 MOST_NUMBERS = 10_000_000
 """Numbers in the states of all these rollouts, which stay in memory."""
@@ -93,7 +94,7 @@ def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tu
 
 
 def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
-    """Two thirds are at the ends, so that a slow task is tried there before everywhere else."""
+    """The rollouts in an order in which two thirds are at the ends, so that a slow task is tried there first."""
     left, right, both = [*first], [*second], []
     while left or right:
         both += left[:2] + right[:1]

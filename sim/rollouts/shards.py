@@ -87,7 +87,7 @@ def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
 
 
 def split(requests: Requests, size: int, path_of: Callable[[int], Path]) -> dict[Path, Requests]:
-    """The requests as shards of at most `size`, by the paths that their numbers have."""
+    """Path -> requests of a shard: the requests in shards of at most `size`, whose numbers give the paths."""
     return {path_of(start // size): requests[start : start + size] for start in range(0, len(requests), size)}
 
 

@@ -27,16 +27,16 @@ from sim.tasks.task import Task
 from sim.types import Space
 
 CONTEXTS, BASES = 3, 4
-"""Contexts, and rollouts at each, by which a `relocate` is compared with the simulation."""
+"""Number of contexts, and of rollouts at each, with which a `relocate` is compared with the simulation."""
 
 SAME = 0.02
 """Largest difference of normalised observations that counts as the same motion."""
 
 TOO_WIDE, TOO_NARROW = 200.0, 20.0
-"""A range that is so many times wider than all observed values has another unit; one so much narrower too."""
+"""A range has another unit if it is this many times wider, or narrower, than all observed values."""
 
 TOO_LATE = 100.0
-"""A rollout that ends so many times later than the last observed moment has its times in another unit."""
+"""A rollout has its times in another unit if it ends this many times later than the last observed moment."""
 
 _SAMPLES = 16
 """Draws of parameters for the training of the one policy of a check."""

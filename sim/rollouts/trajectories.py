@@ -1,4 +1,5 @@
-"""Trajectories that no object on a table can have, in recordings and in answers alike: each is named with its numbers.
+"""Finds trajectories that no object on a table can have, both in recordings and in answers, and names each with its
+numbers.
 
 Tasks whose observation is not a place on the table (`Observation.curves`) pass unchecked.
 """
@@ -15,7 +16,7 @@ from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 SPIKE_M, SPIKE_M_S = 0.05, 3.0
-"""No object leaves its way for a single sample by so much and this fast, and comes back."""
+"""No object leaves its path for a single sample by this distance and at this speed, and comes back."""
 _MOVED, _RESTS, _REST_S = 0.05, 0.01, 0.3
 """An object has moved if it is displaced by more than the first share of the range of observations. It rests if it
 stays within the second share for this time (s)."""
@@ -23,10 +24,11 @@ _DRAWS = 4
 WRONG_WAY_DEG = 30.0
 """The most by which the direction from start to end may differ from those of all simulations."""
 DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
-"""If in this many trials (the last value) the objects creep alike, faster than the first value (m/s) for the second
-(s), both at rest and before they exceed the third (m/s), the positions drift."""
+"""The positions drift if the objects creep alike in at least as many trials as the last value. Creeping means faster
+than the first value (m/s) for the second one (s), both at rest and before they exceed the third (m/s)."""
 _FAST_M_S, HELD_S = 0.3, 0.08
-"""A place that is repeated for longer than this (s) between steps of a fast object (m/s) is not measured anew."""
+"""If a place is repeated for longer than the first value (s) while the object is faster than the second (m/s), it was
+not measured again."""
 STOPS_M_S2, _FROZEN_STEPS = 15.0, 3
 """Friction stops no object faster than the first value (m/s²). The speed is measured over this many steps, and as many
 follow."""
@@ -37,7 +39,7 @@ HEIGHT_M = 0.10
 def contradiction(task: Task, track: ObjectTrack, context: Array | None, action: Array) -> str:
     """A sentence about a trajectory that contradicts itself or its action (a,), without a full stop; "" if none does.
 
-    The simulator of the task is asked only where a trajectory looks strange.
+    The simulator of the task is used only if a trajectory looks strange.
     """
     if task.observation.curves or not len(track.t_s):
         return ""
@@ -53,7 +55,7 @@ def contradiction(task: Task, track: ObjectTrack, context: Array | None, action:
 
 
 def drifts(task: Task, tracks: Sequence[ObjectTrack]) -> str:
-    """A sentence about objects that all creep by the same way before they move and after they rest; "" if not."""
+    """A sentence about objects that all creep in the same way before they move and after they rest; "" if none."""
     if task.observation.curves:
         return ""
     pairs = [pair for track in tracks if (pair := _creeps_m_s(task, track)) is not None]
@@ -71,7 +73,7 @@ def drifts(task: Task, tracks: Sequence[ObjectTrack]) -> str:
 
 
 def _creeps_m_s(task: Task, track: ObjectTrack) -> tuple[Array, Array] | None:
-    """Velocities (k,) before the object is moved and after it rests; None: not observed."""
+    """Velocities (k,) before the object is moved and after it rests; None if they were not observed."""
     t_s, places_m = track.t_s, track.state[:, list(task.observation.columns)]
     if len(t_s) < 4:
         return None
@@ -125,7 +127,9 @@ def _held(task: Task, track: ObjectTrack) -> str:
 
 
 def _frozen(task: Task, track: ObjectTrack) -> str:
-    """An object that moves fast, and never again by a single digit. One that fell or is lost counts as staying."""
+    """Detects an object that moves fast and then never again by a single digit. An object that fell or is lost counts
+    as staying.
+    """
     way_m, every_s = _steps(task, track)
     changes = np.flatnonzero(way_m > 0.0)
     if not len(changes) or track.outcome in (Outcome.TIPPED, Outcome.LOST):
@@ -159,8 +163,8 @@ def _wrong_height(task: Task, track: ObjectTrack) -> str:
 
 
 def _first_rest(task: Task, track: ObjectTrack) -> tuple[int, float, float] | None:
-    """Where the object first came to rest after it had moved: the row, how far it moves away after that as a share of
-    the range, and when; None: it never does.
+    """Where the object first came to rest after it had moved: the row, how far it moves away later (as a share of the
+    range), and when; None if it never comes to rest.
     """
     sight = task.observation
     places = track.state[:, list(sight.columns)] / (sight.high - sight.low)
@@ -206,7 +210,7 @@ def _never_moved(task: Task, track: ObjectTrack, context: Array | None, action: 
 
 
 def _wrong_way(task: Task, track: ObjectTrack, context: Array | None, action: Array) -> str:
-    """For a trajectory that has only a start and an end; whole ones are compared in `sim.solvers.readings`."""
+    """Checks a trajectory that has only a start and an end; `sim.solvers.readings` compares whole trajectories."""
     columns = list(task.observation.columns)
     if len(track.t_s) != 2 or len(columns) != 2 or track.outcome is Outcome.LOST:
         return ""

@@ -1,7 +1,7 @@
 """Policies that choose among candidate actions by expected reward; and a solver for which only listed actions exist.
 
-The outcomes of the candidates are kept for each context that rollouts are simulated in (`Task.simulated_in`): with
-`Task.relocate` that is one, so they serve all contexts.
+The outcomes of the candidates are kept for each context in which rollouts are simulated (`Task.simulated_in`). With
+`Task.relocate` there is only one such context, so the outcomes serve all contexts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from sim.types import PredictedOutcomes
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """Predicted outcomes of A actions; the last axis of a chance is averaged over: disturbances, or scenarios."""
+    """Predicted outcomes of A actions. The last axis of a chance runs over disturbances or scenarios, over which
+    rewards are averaged.
+    """
 
     task: Task
     actions: Array  # (A, a) in units
@@ -35,7 +37,8 @@ class Outcomes:
 def first_executable(
     actions: Array, worth: Array, context: Array, executable: Executable | None, task: Task, attempts: int | None
 ) -> Array:
-    """The first executable one of actions (A, a), by falling worth (A,); `attempts` None: no others exist.
+    """The first executable one of the actions (A, a), in the order of falling worth (A,). With `attempts` None, no
+    other actions exist.
 
     Raises NotExecutable.
     """
@@ -54,7 +57,7 @@ def first_executable(
 
 
 class CandidatePolicy(ABC):
-    """A `SolvedPolicy`: the candidate worth most, or a point around it that is worth more."""
+    """A `SolvedPolicy`: the candidate with the highest value, or a point around it with a higher one."""
 
     _near: dict[tuple[bytes, int], Outcomes]  # a candidate and the points around it, by `simulated_in`
 
@@ -83,7 +86,7 @@ class CandidatePolicy(ABC):
 
     @property
     def prefers_interior(self) -> bool:
-        """Whether the surroundings decide between actions of almost equal value (`sim.solvers.interior`)."""
+        """Whether the surroundings of actions decide between those of almost equal value (`sim.solvers.interior`)."""
         return False
 
     def ranked(self, context: Array) -> tuple[Array, Array]:
@@ -161,7 +164,7 @@ class ScenarioPolicy(CandidatePolicy):
 
     @property
     def prefers_interior(self) -> bool:
-        """If the physics is not known: for a distribution that is wider than a point, among actions of any value."""
+        """True if the physics is not known, that is for a distribution wider than a point; never for listed actions."""
         return self.local is not None and bool(np.ptp(self.parameters, axis=0).any())
 
     def steps(self) -> Array | None:
@@ -198,7 +201,7 @@ def search(
 ) -> tuple[ScenarioPolicy, ...]:
     """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all.
 
-    `listed` (A, a): no other actions exist; else candidates fill their ranges, and the best one is refined.
+    With `listed` (A, a), no other actions exist; otherwise candidates fill their ranges, and the best one is refined.
     """
     task, settings, m = expectations.task, settings or SolverSettings(), samples.shape[1]
     n = max(settings.scenarios if varies(task) else 1, min(m, 4 * settings.scenarios))

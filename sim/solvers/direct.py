@@ -1,6 +1,6 @@
 """Task policies without Phase 1: a search with true rollouts, some twenty for each of a few parameters.
 
-The actions of a search fill their ranges (and the contexts, where these move things). Between them the end of a trial
+The actions of a search fill their ranges, and also the contexts if these move things. Between them, the end of a trial
 is interpolated. The actions that look best are then simulated too, which improves the interpolation where it matters.
 """
 
@@ -22,16 +22,18 @@ from sim.tasks.task import Executable, SolverSettings, Task
 from sim.types import PredictedOutcomes
 
 SCENARIOS, VARIED = 8, 4
-"""Most parameters that stand for a distribution; and least number of draws, if trials of one action differ."""
+"""The most parameter vectors that represent a distribution, and the least number of draws if trials of one action
+differ."""
 
 BASE, PER_DIMENSION = 8, 4
-"""Actions that a search begins with: so many, and so many for each quantity that they fill."""
+"""Number of actions with which a search begins: a base number, and a number for each quantity that they fill."""
 
 ROUNDS, ADDED = 2, 3
-"""Rounds in which the best actions are added, and the number of these; each is the best in another context."""
+"""Number of rounds in which the best actions are added, and of actions in a round; each is the best in another context.
+"""
 
 APART = 0.02
-"""Distance from all simulated actions from which one is worth adding, in fractions of the ranges."""
+"""An action is worth adding if it is at least this far from all simulated actions, in fractions of the ranges."""
 
 CANDIDATES, AROUND = 256, 32
 """Interpolated actions among which a policy chooses, and points around the best of them."""
@@ -86,7 +88,7 @@ class DirectSolver(FromSimulator):
 
 
 def scenarios_of(task: Task, samples: int) -> int:
-    """The number of scenarios for a distribution of so many samples."""
+    """The number of scenarios for a distribution with this number of samples."""
     return max(VARIED if varies(task) else 1, min(samples, SCENARIOS))
 
 
@@ -96,7 +98,7 @@ def actions_of(task: Task) -> int:
 
 
 def rollouts_of(task: Task, samples: int) -> int:
-    """The most rollouts behind a policy for a distribution of so many samples."""
+    """The most rollouts for a policy of a distribution with this number of samples."""
     return scenarios_of(task, samples) * (actions_of(task) + ROUNDS * ADDED)
 
 
@@ -128,7 +130,7 @@ class _Choices:
 
 @dataclass(frozen=True, eq=False)
 class InterpolatedPolicy(CandidatePolicy):
-    """A `SolvedPolicy` by interpolation between simulated actions; in each scenario by itself."""
+    """A `SolvedPolicy` that interpolates between simulated actions, in each scenario separately."""
 
     of_task: Task
     choices: _Choices

@@ -1,9 +1,9 @@
 """The exact solver of a task whose rollouts are cheap, and too irregular for an emulator.
 
 It answers with true rollouts at a grid of parameters that fills the margin: any parameters count as the nearest point
-of the grid. Where the context moves things, a point has a context too. The nuisance counts as the nearest of a few
-draws. Each triple of a point, an action and a draw is simulated once: before a session, or when it is first asked for.
-Name it as `Task.exact`.
+of the grid. If the context moves things, a point has a context too. The nuisance counts as the nearest of a few draws.
+Each triple of a point, an action and a draw is simulated once: before a session, or when it is first needed. A task
+names this solver as `Task.exact`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _PointRollouts:
 
     @classmethod
     def empty(cls, rows: int, end: int, observation: int) -> _PointRollouts:
-        """No rollout at any of so many points; end states and observations have so many values."""
+        """No rollout at any of this number of points, with these sizes of end states and observations."""
         sizes = np.zeros((rows, end)), np.zeros((rows, observation))
         return cls(np.zeros(rows, dtype=bool), np.zeros(rows), *sizes, np.zeros(rows))
 
@@ -107,7 +107,7 @@ class GridSolver(FromOutcomes):
 
     @cached_property
     def residual_std(self) -> Array:
-        """(size,) spread of the errors because parameters count as the nearest point, normalised: half of the
+        """(size,) normalised spread of the errors that arise because parameters count as the nearest point: half of the
         differences between neighbouring points.
         """
         return np.asarray(0.5 * np.sqrt((self._apart**2).mean(axis=(0, 1))))
@@ -219,7 +219,7 @@ class GridSolver(FromOutcomes):
         return np.asarray(self.draws[(gaps**2).sum(axis=-1).argmin(axis=1)])
 
     def _nothing(self, like: Rollouts) -> _PointRollouts:
-        """No rollout yet at any point, of the sizes of others."""
+        """No rollout yet at any point, with the same sizes as those of the other actions."""
         return _PointRollouts.empty(len(self.points), like.end_state.shape[1], like.observation.shape[1])
 
     def _coordinates(self, parameters: Array, contexts: Array) -> Array:
@@ -249,8 +249,8 @@ class GridSolver(FromOutcomes):
 
 
 def grid_solver(task: Task) -> ListedActionSolver:
-    """The solver with `GRID` points of the margin (`MOVED_GRID` where the context moves things), whose policies choose
-    among `ACTIONS` that fill their ranges.
+    """The solver with `GRID` points of the margin, or `MOVED_GRID` if the context moves things. Its policies choose
+    among `ACTIONS` actions that fill their ranges.
     """
     filling = cover(task.action, ACTIONS, np.random.default_rng(0))
     points = MOVED_GRID if len(task.physical_context) else GRID
@@ -271,7 +271,7 @@ def draws_of(task: Task) -> int:
 
 
 def grid_behind(solver: Expectations) -> GridSolver | None:
-    """The grid that answers for a solver; None if something else does."""
+    """The grid behind a solver; None if it has none."""
     return solver.behind if isinstance(solver, ListedActionSolver) and isinstance(solver.behind, GridSolver) else None
 
 

@@ -1,4 +1,4 @@
-"""Chooses, among actions that look equal, the one whose surroundings are good as well.
+"""Chooses among actions that look equal the one whose surroundings are good as well.
 
 Over all of Omega many actions earn the same in simulation, and the solver's choice among them is arbitrary, often at an
 end of the ranges. Reality differs from every simulator, and this difference acts like a change of the action. So an
@@ -20,10 +20,10 @@ LENGTH = 0.2
 
 
 def prefer_interior(points: Array, worth: Array, even: Array, even_worth: Array) -> Array:
-    """(A,) by which to choose among `points` (A, a) of `worth` (A,): actions that look equal to the best come first, by
-    the mean worth of their surroundings.
+    """(A,) values for choosing among `points` (A, a) with the values `worth` (A,). Actions that look equal to the best
+    one come first, ordered by the mean value of their surroundings.
 
-    `even` (C, a) fill the unit box evenly and have the worth `even_worth` (C,).
+    `even` (C, a) fill the unit box evenly and have the values `even_worth` (C,).
     """
     squared = ((points[:, None] - even[None]) ** 2).sum(axis=-1)
     whole = len(even) * (2.0 * np.pi * LENGTH**2) ** (points.shape[1] / 2.0)

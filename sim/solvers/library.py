@@ -24,14 +24,14 @@ from sim.tasks.members import POLICY, Member, read_member, train_member
 from sim.tasks.task import Task
 
 SAMPLES, EVERYWHERE = 16, 64
-"""Draws of parameters for the training of one member, and of the member for all of Omega."""
+"""Number of draws of parameters for training one member, and for training the member for all of Omega."""
 
 SPREAD = 0.5
-"""Standard deviation of the parameters that a member is trained for, as a share of D: it is reused up to that distance.
-"""
+"""Standard deviation of the parameters for which a member is trained, as a share of D, the distance up to which it is
+reused."""
 
 ROLLOUTS = 2048
-"""Rollouts of all members together at the points of the grid of parameters; at most 256 points."""
+"""Number of rollouts of all members together at the points of the grid of parameters, which has at most 256 points."""
 
 
 def with_library(task: Task, library: PolicyLibrary) -> Task:

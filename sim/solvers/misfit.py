@@ -1,4 +1,4 @@
-"""The distance of an observed trajectory from all that the simulator can produce."""
+"""The distance of an observed trajectory from all trajectories that the simulator can produce."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from sim.rollouts.draws import Disturbances, sobol
 from sim.tasks.task import Expectations
 
 DRAWS = 512
-"""Numbers of parameters, and of nuisances with action errors, to try: they span the trajectories of one action."""
+"""Number of parameter vectors to try, and of nuisances with action errors. Together they span the trajectories of one
+action."""
 
 LEAST_STD = 2e-3
 """Least tolerated deviation, normalised: smaller ones are below the camera's pixels."""
@@ -18,8 +19,7 @@ VALUES, FREEDOM = 4.0, 2.0
 """The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
 errors.
 
-The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters.
-"""
+The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters."""
 
 
 def misfit(expectations: Expectations, context: Array, action: Array, observation: Array) -> float:
@@ -43,7 +43,7 @@ def observed_share(observation: Array) -> float:
 
 
 def squares(expectations: Expectations, observation: Array, paths: Array) -> Array:
-    """(...,) mean squares of that distance to expected trajectories (..., size) in the same context.
+    """(...,) mean squares of the misfit to expected trajectories (..., size) in the same context.
 
     The mean is over the observed values; missing ones (NaN) are left out, and the result is 0 if all are missing.
     """
@@ -69,7 +69,7 @@ def tolerance(expectations: Expectations) -> Array:
 def log_likelihood(squared: Array, observed: float) -> Array:
     """(..., D) mean squares for D draws -> (...,) log-likelihood of a trajectory, up to a constant.
 
-    `observed` is the share of its values that are not missing: without any, all parameters are equally likely.
+    `observed` is the share of its values that are not missing. If all are missing, all parameters are equally likely.
     """
     values = VALUES * observed
     if values == 0.0:

@@ -2,7 +2,7 @@
 
 A flipped axis, a turned frame, a film at another rate, a late clock, or trajectories that belong to other trials leave
 every value inside its range. But they contradict the simulator, which cannot reproduce such trials with any parameters.
-A mistake in only some trials is looked for in each trial alone.
+For a mistake in only some trials, each trial is examined alone.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from sim.solvers.misfit import FREEDOM, VALUES, squares
 from sim.tasks.task import Expectations, Task
 
 DRAWS, DISTURBED = 256, 4
-"""Numbers of parameters to try for the whole table, and of nuisances with action errors for each trial."""
+"""Number of parameter vectors to try for the whole table, and of nuisances with action errors for each trial."""
 MOST_TRIALS = 24
-"""Of a larger table, so many trials are compared."""
+"""The most trials of a table that are compared."""
 BETTER = 0.75
-"""Another reading is right if its cost is less than this share of that of the table as it is written."""
+"""Another reading counts as right if its cost is less than this share of the cost of the table as written."""
 FAR, NEAR = 4.0, 1.5
-"""One trial alone is wrong if its misfit is more than the first times the limit of misfits as it is written, and less
-than the second times under another reading: no honest trial of drawn worlds is (`benchmarks/contradictions.py`).
-"""
+"""A trial alone counts as wrong if its misfit as written exceeds the first value times the limit of misfits, and falls
+below the second value times that limit under another reading. No honest trial of drawn worlds does this
+(`benchmarks/contradictions.py`)."""
 LISTED = 8
-"""Names of trials in a sentence."""
+"""The most names of trials in a sentence."""
 _SHIFTS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 _FACTORS = (0.5, 2.0)
 _TURNS_DEG = (10.0, 20.0, 45.0, 90.0, 180.0)
@@ -57,7 +57,7 @@ def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
 
 
 def _trial_readings(trials: RecordedTrials) -> tuple[TableReading, ...]:
-    """Those of them that read every trial alone: first the table as it is written."""
+    """The readings that change every trial by itself; the first one is the table as it is written."""
     task, tracks = trials.task, trials.tracks
     times_s, columns = task.observation.times_s, list(task.observation.columns)
 
@@ -121,9 +121,9 @@ class ReadingFit:
 
 
 def doubt(expectations: Expectations, trials: RecordedTrials) -> str:
-    """A sentence about the reading that fits the simulator of the task much better than the table as it is written,
-    of all trials or of some, with numbers and without a full stop; "" if there is none, or if the solver has no limit
-    of misfits: one that simulates would need thousands of rollouts.
+    """A sentence, with numbers and without a full stop, about a reading of all or some trials that fits the task's
+    simulator much better than the table as written. It is "" if there is no such reading. It is also "" if the solver
+    has no limit of misfits, because a solver that simulates would need thousands of rollouts.
     """
     return table_doubt(expectations, trials) or trial_doubt(expectations, trials)
 
@@ -146,7 +146,7 @@ def table_doubt(expectations: Expectations, trials: RecordedTrials) -> str:
 
 
 def trial_doubt(expectations: Expectations, trials: RecordedTrials) -> str:
-    """The sentence of `doubt` about trials of which each alone contradicts its action, as it is written."""
+    """The sentence of `doubt` about single trials that contradict their actions as written."""
     if not math.isfinite(expectations.misfit_limit):
         return ""
     limit, rereadings = expectations.misfit_limit, dict[str, list[tuple[str, float, float]]]()

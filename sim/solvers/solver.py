@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:
     """The task policy for the distribution of parameters that `samples` (m, p) stand for.
 
-    Its draws are the same every time. If many actions look equally good to a solver, its draws decide between them, and
-    they may differ in reality. So the same distribution always has the same policy, and the final policy of a session
-    is one that it has tried.
+    Its draws are the same every time. If many actions look equally good to a solver, its draws decide between them,
+    although the actions may differ in reality. So the same distribution always has the same policy, and the final
+    policy of a session is one that it has tried.
     """
     return policies.policies(np.asarray(samples)[None], np.random.default_rng(seed), executable)[0]
 
 
 def naf() -> Any:
-    """The module of NAF, which simulates when it is asked: `restore` and `in_session`. Imported on first use."""
+    """The module of NAF with `restore` and `in_session`, which simulates on demand. It is imported on first use."""
     return import_module("sim.research.naf.solver")

@@ -27,7 +27,8 @@ TEMPORARY = ".*.writing*"
 def permitted(mode: int) -> int:
     """The permission bits of `mode` that the process's umask leaves, as for any file that a program makes.
 
-    The umask is read from the system, because asking for it by changing it would race with other threads.
+    The umask is read from the system's files, because Python can read it only by changing it, which would race with
+    other threads.
     """
     try:
         lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()

@@ -1,8 +1,8 @@
 """Every task by name: ours, and those of installed packages. Each is imported on first use.
 
 A package offers a task by an entry point of the group `adaptsim.tasks`: the task's name, and the module with its
-`TASK`. Beside that module there may be folders `worlds` and `checkpoints`. A file that declares tasks
-(`adaptsim.task`) is named by its path once; beside it there may be folders `worlds/<task>` and `checkpoints/<task>`.
+`TASK`. Beside that module there may be folders `worlds` and `checkpoints`. A file that declares tasks (`adaptsim.task`)
+has to be named once by its path. Beside it there may be folders `worlds/<task>` and `checkpoints/<task>`.
 """
 
 from __future__ import annotations
@@ -96,7 +96,9 @@ def _rebuilt(name: str, file: TaskFile | None, changes: Mapping[str, Any]) -> Ta
 
 
 def _reduced(task: Task) -> Any:
-    """A task travels to another process as its name and what differs: its functions need not be importable."""
+    """A task is sent to another process as its name and the fields that differ, because its functions may not be
+    importable there.
+    """
     try:
         usual = get_task(task.name) if task.file is None else files.of_file(task.file, task.name)
     except UnknownName:  # nobody can find it by name: as it is

@@ -33,7 +33,7 @@ MOST_BYTES = 2**20
 SUFFIX = ".py"
 
 SLOW_S = 10.0
-"""A file that is loaded for longer than this may be in an endless loop; one with large packages takes a few seconds."""
+"""A file that takes longer to load may be in an endless loop; with large packages, loading takes a few seconds."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,8 @@ def line_of(error: BaseException, path: str) -> str:
 
 @contextmanager
 def user_code(path: str | None, sentence: Callable[[str], str]) -> Iterator[None]:
-    """A block that calls code of the file at `path`: what it raises becomes a TaskError, which names its line there.
+    """A block that calls code of the file at `path`. Any error in it becomes a TaskError, which names the line of the
+    file.
 
     `sentence` gets the failure in words, `raises ValueError: ...` or `exits`. Errors of this program pass unchanged.
     """
@@ -156,8 +157,8 @@ def note_declaration(path: str, name: str) -> None:
 
 
 def confine(path: str) -> None:
-    """From now on, code of the file can neither end nor fork this process, nor ask the keyboard. A TaskError names the
-    line that tries to.
+    """From now on, code of the file can neither end nor fork this process, nor read the keyboard. A TaskError names the
+    line that tries it.
 
     Code of other files is not affected.
     """
@@ -229,7 +230,7 @@ def _noticed(path: str) -> Iterator[None]:
 
 @contextmanager
 def _same_folder() -> Iterator[None]:
-    """The current folder stays as it is, because the paths of a command are relative to it."""
+    """A block that restores the current folder, because the paths of a command are relative to it."""
     before = Path.cwd()
     try:
         yield

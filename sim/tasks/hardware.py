@@ -55,7 +55,9 @@ class Standing:
 
 
 def no_suspicion(tracks: Sequence[ObjectTrack]) -> None:
-    """No trials of the task suggest a fault of the rig. A function, since a task travels to worker processes."""
+    """For tasks whose trials never suggest a fault of the rig. It is a function because a task travels to worker
+    processes.
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +67,8 @@ class Hardware:
     X_FT: Array  # (4, 4) the tool in the arm's flange
     tool_mass: Mass  # mass of the tool, in its frame T, without the hand
     keep_clear: tuple[Capsule, ...]
-    """Contain the parts of the tool, in its frame T, that must stay clear of arm, table and boxes."""
+    """Capsules in the tool's frame T that contain the parts of the tool that must stay clear of arm, table and boxes.
+    """
     plan: Callable[[Array, Array], ToolMotion]  # (context, action) -> motion
     build_scene: BuildScene
     time_step_s: Callable[[Any], float]  # time step of the plant, given the unmodelled effects (None: training)

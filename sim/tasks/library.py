@@ -1,7 +1,7 @@
 """A library of trained policies. Its members take the place of the actions of their task.
 
 An action is the parameters that a policy was trained for. So everything that compares actions, such as the discrepancy
-of reality, measures the distance between what policies were trained for, in fractions of the ranges.
+of reality, measures the distance between the parameters of two policies, in fractions of the ranges.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def read_library(folder: Path, digests: dict[str, str]) -> PolicyLibrary:
 
 
 def main_file(member: Member) -> Path:
-    """The file to hand on: the one file of the policy, or its folder if there are several."""
+    """The file to pass on: the policy's only file, or its folder if there are several files."""
     files = sorted(path for path in member.folder.iterdir() if path.name != POLICY)
     return files[0] if len(files) == 1 else member.folder
 

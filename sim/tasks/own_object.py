@@ -12,7 +12,8 @@
 
 Parameters missing from `[ranges]` keep the task's own range. The ranges become Omega. The margin around it has the
 proportions of the task's own margin and ends where that ends, because the scene is not tested beyond. `[sizes]`
-replaces ranges of the nuisance, `mass_kg` and `[effects]` change the scene itself, within what worlds are drawn from.
+replaces ranges of the nuisance. `mass_kg` and `[effects]` change the scene itself, within the ranges from which worlds
+are drawn.
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ def _require_known(own: OwnObject, entries: Mapping[str, Any], names: Sequence[s
 
 
 def _sized(usual: Dimension, own: OwnObject) -> Dimension:
-    """A range of the nuisance for the object: at most half as small and twice as large as the task's."""
+    """A range of the nuisance for the object; its values are between half and twice those of the task."""
     low, high = own.sizes.get(usual.name, (usual.low, usual.high))
     reach = max(abs(usual.low), abs(usual.high))
     least, most = (usual.low / 2, usual.high * 2) if usual.low > 0.0 else (-2 * reach, 2 * reach)
@@ -178,7 +179,7 @@ def _require_tried(task: Task, own: OwnObject, effects: Mapping[str, Any]) -> No
 
 
 def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, **named: Any) -> Any:
-    """A function of a task, for which no unmodelled effects means those of the object."""
+    """A function of a task that uses the object's effects if it is called without unmodelled effects."""
     bound = inspect.signature(function).bind(*arguments, **named)
     if bound.arguments.get("unmodelled") is None:
         bound.arguments["unmodelled"] = effects
@@ -186,7 +187,7 @@ def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, *
 
 
 def _in_scene(task: Task, effects: Any) -> Task:
-    """The task with these effects in all places where it has none."""
+    """The task with these effects wherever it is called without effects."""
     hardware = task.hardware
     if hardware is not None:
         names = [n for n in ("build_scene", "time_step_s", "rest_pose", "course") if getattr(hardware, n) is not None]

@@ -38,10 +38,9 @@ class AdaptationSettings:
     trial_std: float = 0.4
     """Standard deviation of single trials around their expectation.
 
-    The default is almost that of a coin, because most rewards of contact tasks are near 0 or near 1.
-    """
+    The default is almost that of a coin, because most rewards of contact tasks are near 0 or near 1."""
     end_moments: int = 1
-    """Number of last moments of an observation; the state-only variants see only these."""
+    """Number of the last moments of an observation, which are all that the state-only variants see."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +146,8 @@ class Simulate(Protocol):
 
 
 SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
-"""Many rollouts at once, for a task that is cheaper in stacks: (N, p), (N, c), (N, a), (N, n) -> N tracks. Each is the
-same as by `Simulate`."""
+"""Many rollouts at once, for a task that is cheaper in stacks: (N, p), (N, c), (N, a), (N, n) -> N tracks. Each track
+is the same as that of `Simulate`."""
 
 
 @dataclass(frozen=True)
@@ -193,23 +192,23 @@ class Task:
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # its name for a person, e.g. "piece of food"
     reward_of_failure: Callable[[ObjectTrack], float] | None = None
-    """Partial credit in [0, 1] for a failure, the same in every context; None: a failure earns nothing."""
+    """Partial credit in [0, 1] for a failure, the same in every context; None if a failure earns nothing."""
     relocate: Callable[[Array, Array], Array] | None = None
     """Observation (..., size) at the reference context, context (..., c) -> the observation there. None: the context
     changes the motion itself, so it is an input of every rollout, as the parameters are (`physical_context`)."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     mirror: Mirror | None = None
-    """With it an emulator learns from every rollout twice, once mirrored. None: there is no such symmetry."""
+    """With it, an emulator learns from every rollout twice, once mirrored. None if there is no such symmetry."""
     exact: Callable[[Task], Solver] | None = None
     """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None
-    """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
+    """Context (c,) -> wanted final place of the object on the table, (2,) m; None if the context is its first place."""
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
     training: TrainedPolicies | None = None
-    """How it trains policies (`sim.tasks.library`): its `simulate` takes a policy as the action, and `action` names the
-    parameters that a policy was trained for. None: actions are numbers."""
+    """How it trains policies (`sim.tasks.library`). Then its `simulate` takes a policy as the action, and `action`
+    names the parameters for which a policy was trained. None if actions are numbers."""
     hardware: Hardware | None = None  # None: it runs in simulation only
     report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None

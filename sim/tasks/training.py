@@ -19,8 +19,8 @@ class TrainedPolicies:
     """(samples, seed), also with `folder` -> arrays, a torch module, or None if it wrote files into `folder`.
     `samples` are parameters by name (`samples[0].mu`), drawn from the distribution to train for."""
     load: Callable[[Any], Any] | None = None
-    """What was stored -> the policy: the arrays, the state of the module (name -> tensor), or the folder. None: the
-    arrays are the policy."""
+    """The stored arrays, state of the module (name -> tensor), or folder -> the policy. None if the arrays are the
+    policy."""
     policies: int = 16  # members of the library of Phase 1, one of them trained in all of Omega
     train_in_session: bool = False  # whether a particle far from every member trains another one
     time_limit_s: float = 600.0  # of one training in a session

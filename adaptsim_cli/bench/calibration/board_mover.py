@@ -38,10 +38,10 @@ class BoardMover(Protocol):
     """The visits of a series, one place after another."""
 
     def numbers(self, viewed: Set[int]) -> Sequence[int]:
-        """The places to visit, in order; `viewed` are those with a view."""
+        """The places to visit, in order; those in `viewed` already have a view."""
 
     def series(self) -> AbstractContextManager[None]:
-        """Announce the series before its first motion; a context manager around all of it. Raises UsageError."""
+        """A context manager around the whole series, which it announces before the first motion. Raises UsageError."""
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""
@@ -102,7 +102,7 @@ class HandGuided:
     screen: Screen
 
     def numbers(self, viewed: Set[int]) -> Sequence[int]:
-        """Numbers of further views, as many as a person may take."""
+        """The numbers of further views, up to as many as a person may take."""
         first = max(viewed, default=-1) + 1
         return range(first, first + GUIDED)
 
@@ -128,7 +128,7 @@ class HandGuided:
         return Arrival.ENOUGH if answer == "s" else Arrival.THERE
 
     def end(self, film: Callable[[], None]) -> None:
-        """Does nothing: without a planned motion there is nothing to film."""
+        """Does nothing, because without a planned motion there is nothing to film."""
         return  # so the time offset is not measured
 
 

@@ -92,7 +92,7 @@ def _levels(grey: Array, corners: Corners) -> tuple[float, float]:
 
 
 def _edge_width(grey: Array, corners: Corners, contrast: float) -> float:
-    """Contrast over the steepest slope beside each corner, median: the width of an edge from black to white."""
+    """The median width of an edge from black to white: the contrast over the steepest slope beside each corner."""
     slope = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(grey, cv2.CV_32F, 0, 1, scale=1 / 8))
     steepest = cv2.dilate(slope, np.ones((9, 9), np.uint8))
     u, v = np.rint(corners.px).astype(int).T

@@ -23,7 +23,8 @@ from perception.errors import BoardNotFound
 
 MOTION = "motion.json"
 TABLE_X_M, TABLE_Y_M = (0.45, 1.0), (-0.35, 0.35)
-"""The part of the table to check, in the base; parts hidden by arm and board in one view are visible in others."""
+"""The part of the table that is checked, in the base frame. What arm and board hide in one view is visible in others.
+"""
 TABLE_NEAR_M = 0.02
 _EVERY_PX = 6
 _MEDIAN_VIEWS = 5
@@ -73,7 +74,7 @@ def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array |
 
 
 def _behind(images: Sequence[Array | Any]) -> Array:
-    """(H, W) depth in m of the static background: per pixel the median of the far half of its readings; 0 = none."""
+    """(H, W) depth in m of the static background: the median of the far half of a pixel's readings; 0 = none."""
     chosen = np.linspace(0, len(images) - 1, min(len(images), 2 * _MEDIAN_VIEWS + 1)).astype(int)
     stack = np.sort(np.stack([images[i] for i in chosen]).astype(np.float64), axis=0)
     return np.asarray(1e-3 * stack[-1 - len(chosen) // 4])

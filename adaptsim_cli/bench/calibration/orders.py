@@ -1,4 +1,4 @@
-"""Views whose quaternions are in another order than their keys say: the order that fits, in words."""
+"""Finds the order of quaternions that fits, for views whose keys state another order, and names it in words."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STATED = {"wxyz": "quaternion_xyzw", "xyzw": "quaternion_wxyz"}
 
 
 def fitting_order(stored: files.Folder) -> str:
-    """A sentence that names the keys to rename, so that views which cannot be solved as stated can be; "" if none."""
+    """A sentence that names the keys to rename so that the views can be solved; "" if renaming does not help."""
     names = dict(_OTHER)
     if stored.setup.poses.quaternion is not None:
         names["quaternion"] = _STATED[stored.setup.poses.quaternion]

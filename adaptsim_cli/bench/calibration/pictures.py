@@ -1,4 +1,4 @@
-"""Pictures for people: the corners found in a view, and the arm drawn into all views, the quickest visible proof.
+"""Pictures for people: the corners found in a view, and the arm drawn into all views, which shows an error at a glance.
 
 For views with joints the whole arm is drawn, for others the hand and link 7. The outline of the hand is also compared
 with the moving parts of the pictures (`perception.outline`).
@@ -32,7 +32,7 @@ from perception.outline import OutlineFit, OutlineView, fit, silhouette
 
 ARM_PICTURE = "arm.jpg"
 LIMIT_M = 0.008
-"""The outline counts as wrong if a shift larger than this, at the hand, fits better."""
+"""The outline counts as wrong if it fits better after a shift, at the hand, that is larger than this."""
 ON_SHEET, COLUMNS, TILE_PX = 6, 3, 640
 _WRIST_BALL_M = 0.10  # continues the hand's outline: link 6, at any angle of joint 7
 _HAND, _ARM = (60, 60, 235), (235, 170, 60)
@@ -197,7 +197,9 @@ def draw_view(
     board: CalibrationTarget,
     camera: Intrinsics,
 ) -> bytes:
-    """JPEG of the picture (H, W, 3 RGB): corners in the order of their ids from blue to red, earlier ones faint."""
+    """JPEG of the picture (H, W, 3 RGB) with its corners, coloured from blue to red by their ids. Those of earlier
+    views are faint.
+    """
     scale = max(1, round(camera.height / _OVERLAY_HEIGHT_PX))
     image = np.ascontiguousarray(colour[..., ::-1])
     faint = image.copy()

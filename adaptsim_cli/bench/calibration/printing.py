@@ -39,7 +39,9 @@ class PrintedBoard(Record):
 
 
 def fitting(paper: str, square_mm: float | None) -> Board:
-    """The board for a paper size: the largest squares that fit, in whole mm, or the wanted size. Raises UsageError."""
+    """The board for a paper size, with squares of the wanted size, or else the largest that fit, in whole mm. Raises
+    UsageError.
+    """
     if paper not in PAPERS_MM:
         raise UsageError(f"--paper {paper}: choose one of {', '.join(PAPERS_MM)}")
     width, height = PAPERS_MM[paper]

@@ -241,7 +241,7 @@ def _guided(rig: CalibrationRig, screen: Screen) -> CalibrationRig:
 
 
 def _mover(rig: CalibrationRig, screen: Screen, places: int | None, *, yes: bool) -> BoardMover:
-    """The arm's visits to the places; None: a person guides it."""
+    """The arm's visits to the places; None if a person guides it."""
     if places is None:
         return HandGuided(screen)
     with screen.busy("Choosing where to hold the board"):

@@ -105,7 +105,7 @@ def solve_folder(
 
 
 def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: IntrinsicsCheck | None, *, refined: bool) -> str:
-    """The one most effective next step, in words."""
+    """The most effective next step, in words."""
     from calib.foreign.intrinsics_check import rescues
 
     for fault in wrong:

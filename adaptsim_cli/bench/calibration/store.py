@@ -106,7 +106,7 @@ class CalibrationStore(NumberedRecords[SavedCalibration]):
     def series(self, setup: SetupRecord, *, fresh: bool) -> tuple[Series, bool]:
         """The series to continue, and whether it already existed.
 
-        A new one if `fresh`, if the last one has given a calibration, or if the setup has changed since.
+        It is a new one if `fresh`, if the last one has given a calibration, or if the setup has changed since then.
         """
         folders = self._series.all()
         if folders and not fresh and not self._finished(folders[-1]) and _same(folders[-1], setup):

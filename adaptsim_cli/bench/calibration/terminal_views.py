@@ -20,7 +20,7 @@ from calib.saved import SavedCalibration
 from perception.board.types import BoardPose
 
 COLUMNS = ("known to",)
-"""The columns of a list beside name, time and remark."""
+"""The columns of a list, besides name, time and remark."""
 
 
 def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:

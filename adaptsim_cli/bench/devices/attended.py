@@ -164,7 +164,9 @@ class PersonBeside:
 
 @dataclass
 class ToolWatch:
-    """The fingers' width at the first check counts as that of the held tool. Nothing moves."""
+    """Watches the tool in the hand: the width between the fingers at the first check counts as the tool's. Nothing
+    moves.
+    """
 
     hand: Hand
     tool: str  # its name

@@ -1,4 +1,4 @@
-"""A real arm and hand that ask before they move: a typed word once per command, a key and the pedal before a motion."""
+"""A real arm and hand that ask before they move. A command needs a typed word, and each motion a key and the pedal."""
 
 from __future__ import annotations
 
@@ -104,12 +104,12 @@ class ConfirmedArm(ArmWrapper[RealArm]):
             self._pause(_LOOK_S)
 
     def state(self) -> ArmState:
-        """See `hw.ports.Arm`; its fault may be one of the hand's."""
+        """See `hw.ports.Arm`. A fault of the hand counts as one of the arm."""
         state = super().state()
         return replace(state, fault=state.fault or self._hand_fault, by_hand=state.by_hand and bool(state.fault))
 
     def recover(self) -> None:
-        """See `hw.ports.Arm`; somebody has looked at the hand."""
+        """See `hw.ports.Arm`. Somebody has looked at the hand, so its fault is cleared too."""
         super().recover()
         self._hand_fault = None
 
@@ -117,7 +117,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
     def hand_moving(self) -> Iterator[None]:
         """Keeps a note on the disk during one motion of the hand, until its fingers stand still.
 
-        Unless it is certain that they do, neither arm nor hand moves before `recover`; raises ArmFault.
+        If it is not certain that they do, neither arm nor hand moves before `recover`, and ArmFault is raised.
         """
         refuse_while_stopped(self._hand_fault)
         try:
@@ -134,7 +134,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
 
     @contextmanager
     def _allowed(self, path: JointPath) -> Iterator[None]:
-        """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
+        """A context manager around one motion: consent, pedal, and a note on the disk until the motion has ended."""
         refuse_while_stopped(self._hand_fault)
         self.confirm()
         self.release.take(path.digest, duration_s=path.duration_s)

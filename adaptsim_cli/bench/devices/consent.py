@@ -62,7 +62,9 @@ class Consent:
         self.given_at = datetime.now(UTC).isoformat(timespec="seconds")
 
     def completed(self) -> None:
-        """The task's own motion, or a whole series, came to its end: a slow one makes its set-up known."""
+        """Note that the task's own motion, or a whole series, was completed. After a slow one, its set-up counts as
+        known.
+        """
         if self.known_arm is not None and self.pace <= SLOW_PACE and not self._slow_ended:
             self.known_arm.moved_slowly(self.setup)
             self._slow_ended = True
@@ -75,7 +77,9 @@ class Consent:
         self.screen.tell_listeners(f"operator: {self.operator}")
 
     def stop_button(self, arm: Arm) -> None:
-        """If it is due: have the stop button pressed, see that the arm says so, have it released, recover."""
+        """If a check is due, have the stop button pressed, wait until the arm reports it, have it released, and
+        recover.
+        """
         if self.known_arm is None or self._waives("stop_button"):
             return
         if not self.known_arm.read().stop_button_is_due(datetime.now(UTC)):
@@ -104,7 +108,7 @@ class Consent:
         self.screen.note("  The stop button stops this arm.")
 
     def _slow_start(self) -> None:
-        """A set-up that has never moved this arm begins slowly, unless a person, by name, takes the responsibility."""
+        """A set-up that has never moved this arm begins slowly, unless a named person takes the responsibility."""
         if self.known_arm is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
         facts = self.known_arm.read()

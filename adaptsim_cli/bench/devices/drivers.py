@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Drivers:
-    """One function per device: it makes the device, not connected. Raises DeviceUnavailable without its driver."""
+    """One function for each device, which makes it without connecting it. Raises DeviceUnavailable if its driver is
+    missing.
+    """
 
     arm: Callable[[Workcell, FrankaSettings, Pedal | None], RealArm]  # it refuses what the cell does not allow
     camera: Callable[[CameraPart, bool], Camera]  # True: with the infrared image in every frame

@@ -1,4 +1,4 @@
-"""The memory of this computer of one real arm: its stop button's check, set-ups that moved it, its last motion."""
+"""This computer's memory of one real arm: the check of its stop button, the set-ups that moved it, its last motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def folder_of(places: Places, rig: RigDescription) -> Path:
 
 @dataclass(frozen=True)
 class SetUp:
-    """Everything that decides where the arm moves, as short hashes, by effect."""
+    """Everything that decides where the arm moves: a short hash for each effect."""
 
     kind: str = ""  # the task, "board" for a calibration, "touch-off"
     tool: str = ""  # its shape, mass and mount, and the table: what a touch-off finds
@@ -92,7 +92,7 @@ class ArmFacts:
     steps: tuple[str, ...] = ()  # those of `adaptsim setup` that are done
 
     def slow_motion(self, setup: SetUp) -> str:
-        """ISO 8601: when the own motion of this set-up was slow; "": never."""
+        """When the task's motion was completed slowly with this set-up (ISO 8601); "" if it never was."""
         return next((motion.at for motion in self.slow_motions if motion.setup == setup), "")
 
     def new_in(self, setup: SetUp) -> str:
@@ -155,11 +155,13 @@ class KnownArm:
 
     @contextmanager
     def moving(self) -> Iterator[None]:
-        """Around one motion: a file exists from before it until after its end; a stop writes its reason into it.
+        """A context manager around one motion. A file exists from before the motion until after its end, and a stop
+        writes its reason there.
 
         A motion of the hand has ended when its fingers stand still, even if it did not obey the command.
 
-        Raises DiskFull or SessionError before it begins."""
+        Raises DiskFull or SessionError before it begins.
+        """
         durable.make_folder(self.folder)
         began = _now()
         self._note_motion(began, "")

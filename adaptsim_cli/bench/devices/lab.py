@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None, Release]
-"""Arm and camera, connected, with the board in the gripper: the camera's frames have an infrared image. Then a pause of
-so many seconds, for which the simulated lab does not wait, the board's handler (None: a person at the terminal), and
-the questions that let the arm move."""
+"""Arm and camera, connected, with the board in the gripper; the camera's frames have an infrared image. The third
+element pauses for so many seconds, except in the simulated lab. The fourth handles the board; it is None if a person at
+the terminal does. The last one asks the questions that let the arm move."""
 
 TouchDevices = tuple[Arm, Hand | None, Callable[[float], None], PersonAtTool | None, Release]
-"""The arm, connected, and the hand that holds its tool; None: the tool is screwed on. Then a pause of so many seconds,
-for which the simulated lab does not wait, the person who guides the arm (None: a person at the terminal), and the
-questions that let the hand move."""
+"""The arm, connected, and the hand that holds its tool, or None if the tool is screwed on. The third element pauses for
+so many seconds, except in the simulated lab. The fourth guides the arm; it is None if a person at the terminal does.
+The last one asks the questions that let the hand move."""
 
 
 class Lab(Protocol):
@@ -69,8 +69,8 @@ class Lab(Protocol):
         """The devices of a touch-off; `cell` includes the tool. The arm does not move by itself."""
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
-        """Ask for the stop button during a slow swing. Keep the time and distance until rest, with those of the worst
-        case.
+        """Have the stop button pressed during a slow swing. Store the time and the distance until rest, beside those of
+        the worst case.
 
         Raises StoppedByOperator, MotionRefused, HardwareError.
         """
@@ -81,11 +81,13 @@ class RealArm(Arm, Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
+        """One sentence for each real-time property that the computer denies to the arm's process; known once it is
+        connected.
+        """
 
     @property
     def last_stop(self) -> StopReport | None:
-        """How the arm's last motion stopped; None: it came to its end."""
+        """How the arm's last motion stopped; None if it was completed."""
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""

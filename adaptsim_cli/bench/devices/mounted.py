@@ -124,7 +124,7 @@ def workcell(
 
 
 def weighed(tool: Tool, part: ToolPart) -> Tool:
-    """`tool` with the payload's mass of the rig file, if the file states it."""
+    """`tool` with the mass of the rig file's payload, if the file states one."""
     if part.payload is None:
         return tool
     held = part.held()
@@ -132,7 +132,7 @@ def weighed(tool: Tool, part: ToolPart) -> Tool:
 
 
 def written(rig: RigDescription, task: str) -> ToolCorrection:
-    """Table and tool pose of a task by the rig file."""
+    """The table and the tool's pose for a task, as the rig file states them."""
     part = rig.tool(task)
     return ToolCorrection(rig.table.plane(), part.height_m, part.forward_m, part.pitch_rad, part.roll_rad)
 

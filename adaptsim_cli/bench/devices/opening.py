@@ -34,7 +34,7 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen:
 
 
 def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drivers: Drivers | None = None) -> None:
-    """Connect only the arm of `rig`; if its stop button is due, have it pressed and released. Nothing moves.
+    """Connect only the arm of `rig`. If a check of its stop button is due, have it pressed and released. Nothing moves.
 
     Raises StoppedByOperator, DeviceUnavailable.
     """

@@ -1,8 +1,7 @@
 """Arms whose motions take longer: at a slower pace (`--pace`), or in the simulated lab at a real arm's own pace.
 
 Without these, an arm plays a path as planned, and the simulated lab moves as fast as it can be computed. A pace is a
-ratio. The slow pace of first motions also means an absolute speed: no point of arm and tool is faster than
-`hw.stopping.REDUCED_M_S`.
+ratio. At the slow pace of first motions, no point of arm and tool is faster than `hw.stopping.REDUCED_M_S` either.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ Inner = TypeVar("Inner", bound=Arm)
 
 
 def at_speed(path: JointPath, pace: float, cell: Workcell) -> JointPath:
-    """`path` as it is played at `pace`: at `SLOW_PACE` and below no point of arm and tool exceeds the reduced speed.
+    """`path` as it is played at `pace`. At `SLOW_PACE` and below, no point of arm and tool exceeds the reduced speed.
 
-    Raises ValueError for a pace that is not in 0.1 to 1.
+    Raises ValueError for a pace outside 0.1 to 1.
     """
     number(pace, "pace", SLOWEST, FULL)
     return at_pace(path, pace if pace > SLOW_PACE else reduced_pace(path, cell, pace))

@@ -172,7 +172,7 @@ class RealLab:
 
     @cached_property
     def _pedal(self) -> Pedal | None:
-        """The rig's pedal, connected; None: waived."""
+        """The rig's pedal, connected; None if it is waived."""
         part = self.rig.pedal
         if part is None:
             return None

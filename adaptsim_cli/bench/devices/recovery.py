@@ -1,4 +1,4 @@
-"""A person clears the arm's fault, by a word; nothing moves."""
+"""A person clears the arm's fault by typing a word; nothing moves."""
 
 from __future__ import annotations
 

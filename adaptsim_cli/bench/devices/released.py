@@ -1,4 +1,4 @@
-"""The hand of every lab, and the simulated lab's arm, where a person practises: they ask as a real arm does."""
+"""The hand of every lab, and the simulated lab's arm for practice. Both ask before they move, as a real arm does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Inner = TypeVar("Inner", bound=Arm)
 
 
 class ReleasedArm(ArmWrapper[Inner]):
-    """`hw.ports.Arm`: no motion begins that `release` does not let begin. Each may raise StoppedByOperator."""
+    """`hw.ports.Arm`: a motion begins only if `release` lets it. Each motion may raise StoppedByOperator."""
 
     def __init__(self, arm: Inner, release: Release) -> None:
         super().__init__(arm)
@@ -40,7 +40,7 @@ class ReleasedHand:
         enabled: Callable[[str], None] = lambda _: None,
         moving: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        """`enabled` waits for the pedal of a real one, "hand" in its words. Raises MotionRefused.
+        """`enabled` waits for the pedal of a real hand, and is given the word "hand". Raises MotionRefused.
 
         `moving` is entered for every motion of the fingers.
         """

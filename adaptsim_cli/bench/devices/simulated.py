@@ -58,18 +58,20 @@ class WorldLab:
         pace: float = FULL,
         screen: Screen | None = None,
     ) -> None:
-        """`screen`: asks before anything moves, as with a real arm; None: no questions."""
+        """With a `screen`, questions are asked before anything moves, as with a real arm; with None there are no
+        questions.
+        """
         self.rig, self.title = rig, f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
         self._realtime, self._pace, self._screen = realtime, pace, screen
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
-        """None: no trial comes near the simulated camera."""
+        """There are none, because no trial comes near the simulated camera."""
         return ()
 
     def note(self, message: str) -> None:
-        """Does nothing: nobody stands beside the arm."""
+        """Does nothing, because nobody stands beside the arm."""
 
     def for_trials(self, mounted_task: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""

@@ -40,7 +40,7 @@ class Reporting(Protocol):
 
     @property
     def last_stop(self) -> StopReport | None:
-        """How the last motion stopped; None: it came to its end."""
+        """How the last motion stopped; None if it was completed."""
 
 
 def swing(q_rad: Array, cell: Workcell, joints: Sequence[int] = JOINTS) -> JointPath:
@@ -84,7 +84,7 @@ def swinging(path: JointPath) -> str:
 
 
 def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
-    """The measured stop, beside the worst case of the same motion: both for the point that moves farthest.
+    """The measured stop beside the worst case of the same motion, both for the point that moves farthest.
 
     The flange does not count, because joint 7 turns it in place. A report without measured joints gives an infinite
     distance, which is beyond every worst case.

@@ -30,7 +30,7 @@ def _piece(task: Task) -> Tracker:
     from perception.knock import with_knock
     from perception.overlay import overlay_piece
     from perception.piece.alone import find_alone
-    from sim.tasks.shared.direct import tool_mesh
+    from sim.tasks.shared.tool_mesh import tool_mesh
 
     mesh = tool_mesh(task)
     x, y = task.context.dimensions[:2]
@@ -89,7 +89,7 @@ def _bottle(task: Task) -> Tracker:
     from perception.cylinder import Cylinder
     from perception.knock import with_knock
     from perception.overlay import overlay_bottle
-    from sim.tasks.shared.direct import tool_mesh
+    from sim.tasks.shared.tool_mesh import tool_mesh
 
     standing, goal_m = task.require_hardware().standing, task.goal_m
     if standing is None or goal_m is None:

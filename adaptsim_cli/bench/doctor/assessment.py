@@ -55,7 +55,7 @@ IMPACT_NS_M = 500.0
 
 @dataclass(frozen=True)
 class Motions:
-    """The numbers of the middle action of the task and of those at the ends of its ranges, planned with this rig."""
+    """The numbers of motions planned with this rig: the task's middle action, and actions at the ends of its ranges."""
 
     planned: int  # actions; the others cannot be executed
     speed_m_s: float  # of the tool, at most
@@ -134,7 +134,7 @@ def _corner(p_m: np.ndarray) -> str:
 
 
 def planned_actions(mounted_task: MountedTask) -> list[Sequence[JointPath]]:
-    """The middle action, which must be executable, and those at the ends of all ranges that are."""
+    """The middle action, which must be executable, and the executable actions at the ends of all ranges."""
     plans: list[Sequence[JointPath]] = [planned(mounted_task, (), ()).paths]
     space = mounted_task.task.action
     for ends in product(*zip(space.low.tolist(), space.high.tolist(), strict=True)):

@@ -87,7 +87,7 @@ def _safeguards(lab: Examined) -> Finding:
     with_rig,
 )
 def _sides(lab: Examined) -> Finding:
-    """Which sides of the arm no box closes: a person may stand there within its reach."""
+    """The sides of the arm that no box closes, where a person may stand within its reach."""
     from sim.tasks import get_task
 
     hardware = get_task(lab.config.task).hardware
@@ -128,7 +128,7 @@ def _stop_button(lab: Examined) -> Finding:
 
 
 MOST_RTT_MS = 0.5
-"""Half of a 1 ms cycle; the maker's ping test asks for the same order."""
+"""Half of a 1 ms cycle; the maker's ping test asks for a time of the same order."""
 MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
 """Limits for an arm's states: libfranka needs 95 % of the commands in time, and twenty lost in a row stop the arm."""
 LEAST_FRAMES, STREAM_S = 10, 0.5
@@ -175,7 +175,7 @@ def _arm(lab: Examined) -> Finding:
 
 @check(DEVICES, "arm model", "write the model of the type plate under [arm] of the rig file", after("arm"))
 def _arm_model(lab: Examined) -> Finding:
-    """Which arm it is by its own report, and whether its joint limits are those that every check counts on."""
+    """The arm's model according to its own report, and whether its joint limits are those that every check assumes."""
     arm_part = lab.rig.arm
     report = readings.arm_report(arm_part.model, arm_part.settings())
     identity = identify(arm_part.model, report)
@@ -198,7 +198,9 @@ def _arm_model(lab: Examined) -> Finding:
 
 @partial(add_check, MEASUREMENTS)(DEVICES, "starts", "docs/guide/rig.md: [arm.starting]", after("arm model"))
 def _starts(lab: Examined) -> Finding:
-    """What the arm needs before a motion, beside the bounds of the rig file. Its settings are sent; nothing moves."""
+    """The times that the arm needs before a motion, beside the bounds of the rig file. Its settings are sent; nothing
+    moves.
+    """
     arm_part = lab.rig.arm
     rehearsal = readings.rehearsal(arm_part.model, arm_part.settings())
     lines, proposals, beyond = [], [], []
@@ -282,7 +284,7 @@ def _calibration(lab: Examined) -> Finding:
 
 
 def _port_problem(lab: Examined, path: str) -> Finding | None:
-    """Why a serial port cannot be used; None: it can."""
+    """Why a serial port cannot be used; None if it can."""
     may, group = readings.port(Path(path))
     if group is None:
         others = ", ".join(serial_ports(Path("/dev"))) or "none"

@@ -89,7 +89,7 @@ def _libraries(lab: Examined) -> Finding:
 
 
 OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python-headless", "opencv-contrib-python")
-"""The packages that write the module cv2, each over the files of another."""
+"""The packages that install the module cv2; each overwrites the files of the others."""
 
 
 @check(PROGRAM, "OpenCV", "make setup")

@@ -2,10 +2,10 @@
 
 The limits were not compared with the standard itself; the assessment says so.
 
-Force and pressure are those of table A.2, per region the lowest pressure of its places. A contact that clamps
+Force and pressure are those of table A.2; a region has the lowest pressure of all its places. A contact that clamps
 (quasi-static) may last; one from which the body can recoil (transient) may reach twice as much, but none is allowed on
-skull and face. The force of a transient contact is that of a spring between two masses (A.3.2 and table A.3):
-F = v √(k μ). These are limits of the onset of pain, not of injury; the lab compares them with the standard's own text.
+skull and face. The force of a transient contact is that of a spring between two masses (A.3.2 and table A.3): F = v √(k
+μ). These are limits of the onset of pain, not of injury; the lab compares them with the standard's own text.
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ class RegionVerdict:
 
 
 def judged(model: str, speed_m_s: float, stops_at_N: float, load: Mass, edge_m: float) -> tuple[RegionVerdict, ...]:
-    """Every region, met at `speed_m_s` by an edge `edge_m` wide of an arm that stops by itself at `stops_at_N`."""
+    """Every region in contact with an edge of width `edge_m` that moves at `speed_m_s`, on an arm that stops by itself
+    at `stops_at_N`.
+    """
     area_cm2 = edge_m * max(edge_m, FINGER_M) * _CM2_M2
     return tuple(
         RegionVerdict(region, stops_at_N, struck_N(model, region, speed_m_s, load), area_cm2) for region in REGIONS

@@ -46,8 +46,8 @@ def cameras(kind: str) -> list[Row]:
 
 
 def ports(dev: Path) -> list[Row]:
-    """The serial ports of USB devices in `dev`. A row has an entry of the rig file if the cable's name tells the
-    device.
+    """The serial ports of USB devices in `dev`. If the cable's name identifies the device, the row has its entry for
+    the rig file.
     """
     rows = []
     for port in readings.serial_ports(dev):

@@ -58,10 +58,10 @@ def existing(folder: Path) -> Path:
 def round_trips(
     address: str, port: int = _DESK_PORT, tries: int = _TRIES, patience_s: float = _PATIENCE_S
 ) -> tuple[Sequence[float], int, str]:
-    """Connect to the port of the arm's web page repeatedly -> times in ms, tries without an answer, the last reason.
+    """Connect to the arm's web page repeatedly -> times in ms, number of tries without an answer, last reason.
 
     The arm's system answers; none of its programs is disturbed. A refused connection counts as an answer. Gives up
-    after two tries without any.
+    after two tries without an answer.
     """
     times_ms: list[float] = []
     lost, problem = 0, ""
@@ -87,7 +87,7 @@ def round_trips(
 
 
 def limits() -> tuple[float, float, bool]:
-    """The soft limits of this process: real-time priority, locked memory in MB; and whether none applies to it."""
+    """The soft limits of this process: real-time priority, locked memory in MB, and whether root may exceed them."""
 
     def soft(kind: int) -> float:
         value = resource.getrlimit(kind)[0]

@@ -20,7 +20,7 @@ INTRUSION_M = 0.85
 REACH_M = 0.855
 """Reach of both arms, from the axis of joint 1 to the flange (the maker's data sheets)."""
 SIDE_M = 0.6
-"""Where a side begins that a rig file does not describe: as `[person] from_m` does by default."""
+"""Where a side begins that the rig file does not describe: at the default of `[person] from_m`."""
 _EVERY = 20
 _GRID_M = 0.05
 _HIGHEST_M = 1.2
@@ -46,7 +46,9 @@ class SideDistance:
 
     @property
     def line_m(self) -> float:
-        """Where a person must stay, from the base's axis: the separation distance behind the side's edge."""
+        """The distance that a person must keep from the base's axis: the separation distance beyond the edge of the
+        side.
+        """
         return self.from_m + self.separation_m
 
 
@@ -66,7 +68,7 @@ def tool_reach_m(tool: Tool) -> float:
 
 
 def open_sides(boxes: Sequence[KeepOut], reach_m: float) -> tuple[Side, ...]:
-    """The sides of the base, beyond `SIDE_M`, into which the arm may reach because no box covers all of them."""
+    """The sides of the base, beyond `SIDE_M`, that no box covers wholly, so that the arm may reach into them."""
     steps = np.arange(-reach_m, reach_m + _GRID_M, _GRID_M)
     x, y, z = np.meshgrid(steps, steps, np.arange(0.0, _HIGHEST_M, 2.0 * _GRID_M), indexing="ij")
     points: Array = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)

@@ -124,7 +124,7 @@ def real(lab: Examined) -> str:
 
 
 def described(lab: Examined) -> str:
-    """The check needs a rig file: of a real arm, or of a setup that is practised."""
+    """The check needs a rig file, of a real arm or of a practised setup."""
     return "" if practised(lab.config) else with_rig(lab)
 
 
@@ -165,7 +165,7 @@ def reply(findings: Sequence[Finding], config: Config) -> Reply:
 
 
 def checks_table(results: Sequence[Finding], *, grouped: bool = True) -> Iterator[RenderableType]:
-    """The table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
+    """The table, then the checks that were left out, then each remedy on one unwrapped line that can be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)

@@ -328,7 +328,7 @@ class RigDescription:
         return tuple(waiver for waiver in self.waivers if waiver.counts(day))
 
     def lapsed(self) -> tuple[WaiverPart, ...]:
-        """The waivers that do not count, or not any more."""
+        """The waivers that do not count today."""
         return tuple(waiver for waiver in self.waivers if waiver not in self.in_force())
 
     def waives(self, what: Waivable) -> bool:

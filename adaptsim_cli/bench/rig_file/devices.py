@@ -40,7 +40,7 @@ class DeviceKind(Generic[Part, Driver]):
     part: type[Part]
     """Its section of the rig file: a dataclass with `RULES`, a `port`, and a `key` for each field."""
     driver: Callable[[Part], Driver]
-    """Makes the device, not connected: it connects when it is entered, and then raises DeviceUnavailable."""
+    """Makes the device without connecting it. Entering it connects it, or raises DeviceUnavailable."""
     answer: Callable[[Driver], str]  # one sentence for the doctor; raises DeviceUnavailable
     remedy: str  # of the doctor, if it does not answer
     without: str = "the rig file names none"  # of the doctor
@@ -125,7 +125,7 @@ OFFERED_INSTRUMENTS = Registry[DeviceKind[Any, Any]](
     ours=INSTRUMENTS,
     error=DeviceUnavailable,
     value_type=DeviceKind,
-    complaint=lambda name, kind: "" if kind.measure is not None else "has no `measure`, so it is no instrument",
+    complaint=lambda name, kind: "" if kind.measure is not None else "has no `measure`, so it is not an instrument",
 )
 """Our instruments, and those of installed packages."""
 

@@ -1,4 +1,5 @@
-"""Reads a rig file and names its gaps. Before a real arm moves, each is filled or waived, and every trial records that.
+"""Reads a rig file and names its gaps. Before a real arm moves, each gap has to be filled or waived; trials record
+which.
 
 An error names file, key, value, unit and limit; for an unknown key it lists the known ones.
 """
@@ -83,7 +84,7 @@ def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
 
 
 def of_current_folder(rig: RigDescription, path: Path) -> RigDescription:
-    """A rig file that is not the user's own: its waivers do not count, and its lab has a name that `path` decides.
+    """The lab of a rig file that is not the user's own. Its waivers do not count, and its name follows from `path`.
 
     So it shares neither memory nor calibrations with a lab of the user's own file.
     """
@@ -145,7 +146,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
 
 
 def flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """(key, value) of every entry of a file, for the screen, without entries that the file leaves out."""
+    """(key, value) of every entry that a file states, for the screen."""
     for name, value in content.items():
         key = f"{prefix}{name}"
         if isinstance(value, dict):

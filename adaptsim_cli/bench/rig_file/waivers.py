@@ -52,7 +52,7 @@ class WaiverPart:
         return date.fromisoformat(self.on) + timedelta(days=DAYS)
 
     def counts(self, today: date) -> bool:
-        """Whether it counts on that day. One that is dated ahead does not (a day ahead may be another time zone)."""
+        """Whether it counts on that day. A later date does not count, except one day ahead, because of time zones."""
         return date.fromisoformat(self.on) - timedelta(days=1) <= today <= self.until
 
     @property

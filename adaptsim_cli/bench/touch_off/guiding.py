@@ -31,7 +31,8 @@ from hw.types import Array
 from sim.panda.setting_down import TABLE, SetDown, middle, pitch_rad
 
 FAR_M = 0.05
-"""An end of the tool that seems farther from the expected table is not set down, or the rig file is of another lab."""
+"""If an end of the tool seems farther than this from the expected table, it is not set down, or the rig file is of
+another lab."""
 TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
 _KEPT = "Nothing was stored; a touch-off that is in use stays in use."
@@ -77,8 +78,8 @@ def run(
 
 
 def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:
-    """Have the tool held, and set down at every place; solve. `created` is ISO 8601; `unattended`: the lab's own
-    person does it, and nobody is asked.
+    """Have the tool held and set down at every place, then solve. `created` is ISO 8601. If `unattended`, the lab's
+    stand-in does it, and nobody is asked.
 
     Raises TouchOffFailed, HardwareError, StoppedByOperator.
     """
@@ -150,7 +151,7 @@ def take_tool(rig: GuidedTouchRig, holding: HoldingHand, screen: Screen, *, unat
 
 
 def require_held(holding: HoldingHand, width_m: float) -> None:
-    """Raises TouchOffFailed unless the hand still holds the tool, its fingers as far apart as before, `width_m`."""
+    """Raises TouchOffFailed unless the hand still holds the tool, with its fingers `width_m` apart as before."""
     try:
         state = holding.hand.state()
     except DeviceUnavailable:  # guiding the arm may have ended the hand's connection too
@@ -191,7 +192,7 @@ class _Asking:
         return shown
 
     def _one(self, number: int) -> Array | None:
-        """(7,) true joints of one set-down; None: the one before is shown again. Raises TouchOffFailed."""
+        """(7,) true joints of one set-down; None if the one before is to be repeated. Raises TouchOffFailed."""
         where, of = self._rig.set_downs[number], len(self._rig.set_downs)
         for _ in range(TRIES):
             if not self._done(where, number, of):

@@ -23,7 +23,7 @@ FLOOR_M = 0.00005
 """No touch counts as more precise than this, however well a few of them agree."""
 COVERAGE = 0.95
 MISFIT_M = 0.0010
-"""A place that deviates by more from all others: an object lies there, or something gives way."""
+"""If a place deviates by more from all others, an object lies there, or something gives way."""
 UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.035
 """Largest acceptable half widths of the intervals. A pitch that is off by 2° hardly changes what a scoop earns."""
 MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
@@ -32,7 +32,7 @@ MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """One corner, or the middle of the edge, on the table: where, and the true joints at rest."""
+    """One corner, or the middle of the edge, on the table: its place, and the true joints at rest."""
 
     name: str
     feeler: Feeler
@@ -91,7 +91,8 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
 def solve(
     edge: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array
 ) -> tuple[Result, tuple[str, ...]]:
-    """The result from all touches, and the reasons against its use. `work_m` (2,): place of the stated height.
+    """The result from all touches, and the reasons against its use. `work_m` (2,) is the place for which the table's
+    height is stated.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """

@@ -33,7 +33,7 @@ QUANTITIES = (
 """Field, name in JSON, name for a person, factor to its unit, unit."""
 
 COLUMNS = ("table", "tool higher", "pitch")
-"""The columns of a list beside name, time and remark."""
+"""The columns of a list, besides name, time and remark."""
 
 
 def explanation(rig: GuidedTouchRig) -> RenderableType:

@@ -1,4 +1,4 @@
-"""The answers of a setup: each question has a default, a wrong answer is explained and asked again.
+"""The answers of a setup. Each question has a default; a wrong answer is explained, and the question is asked again.
 
 A setup begins with the rig file that is there, or a first one (`begun`).
 """
@@ -115,7 +115,7 @@ class Answers:
         return True
 
     def waivers_but(self, what: Waivable) -> list[dict[str, Any]]:
-        """The waivers of everything but `what`, for when it is there."""
+        """All waivers except that of the safeguard `what`, which the lab now has."""
         return [asdict(waiver) for waiver in self.rig.waivers if waiver.safeguard != what]
 
     def _typed(self, question: str) -> str:
@@ -187,7 +187,7 @@ def _continued(file: Path, screen: Screen) -> RigDescription:
     content, dropped = without_old_waivers(file)
     if dropped:
         screen.note(
-            f"{file} waives {', '.join(dropped)} in the way of an older version. This ends now: each is required, or "
-            "asked for again with a reason"
+            f"{file} waives {', '.join(dropped)} in the way of an older version, which no longer counts. Each of these "
+            "safeguards is required, or you are asked for a reason to go without it"
         )
     return described(content, str(file), tasks_with_tools())

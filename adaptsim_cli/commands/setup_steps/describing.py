@@ -27,7 +27,7 @@ ANY = "any"
 
 
 def arm(answers: Answers) -> None:
-    """Name and address; the forces at which the arm stops by itself are as_typed."""
+    """Ask for the lab's name and the arm's address, and show the forces at which the arm stops by itself."""
     arm_part = answers.rig.arm
     answers.take(
         "Name of the lab, in one word?",
@@ -272,7 +272,7 @@ def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
 
 
 def _next_box(answers: Answers) -> str:
-    """The name of the next box; none: there are enough. Without any the lab has to say why."""
+    """The name of the next box; none if there are enough. Without any box, the lab has to state the reason."""
     enough = bool(answers.rig.keep_out) or answers.rig.waives("keep_out")
     what = "Name a box that the arm must keep out of: lamp, stand, screen"
     if enough or answers.defaults:
@@ -333,7 +333,7 @@ def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
 
 
 def reached(box: KeepOut) -> tuple[str, ...]:
-    """The tasks with a tool in the box, each with the place; tried is the middle action at the reference place."""
+    """The tasks whose tool would enter the box, each with the place, for the middle action at the reference place."""
     from sim.tasks import get_task
 
     sentences: list[str] = []

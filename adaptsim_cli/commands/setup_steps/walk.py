@@ -73,7 +73,8 @@ STEPS = (
 
 
 def walk(answers: Answers, *, begin: str = "") -> None:
-    """From the first step that is not done to the command of the first session; `begin` names a step to do again.
+    """Do all steps from the first one that is not done, and show the command of the first session. `begin` names a step
+    to do again.
 
     Raises the error that stops it, with the command to continue. Every completed step is kept.
     """
@@ -141,7 +142,7 @@ def _do(answers: Answers, step: Step) -> None:
 
 
 def _missing(answers: Answers, step: Step) -> list[str]:
-    """Make and show the checks of the step; the names of those that failed."""
+    """Make and show the checks of the step, and return the names of those that failed."""
     if _only_told(answers, step):
         answers.screen.show(f"  Simulated. A real lab {step.practised}.")
         return []

@@ -1,7 +1,7 @@
 """The output of each command, and its JSON schema.
 
-A command whose output no other code handles has its row in the table here; the others have a class, and so has each
-row inside of an output.
+The table here has a row for each command whose output no other code handles. The other commands have a class, and so
+has each row inside an output.
 """
 
 from __future__ import annotations

@@ -44,7 +44,8 @@ class RevealedParameter(Record):
     )
     kinds: list[str] = Field(default=[], description="the words of a category, by its value; empty for a number")
     chances: list[float] | None = Field(
-        default=None, description="the probability of each of these words; null for a number, or where it collapsed"
+        default=None,
+        description="the probability of each of these words; null for a number, or if the posterior collapsed",
     )
 
 

@@ -147,7 +147,8 @@ class ParameterBelief(Record):
     median: float | None = described("median of the posterior; null where it collapsed")
     high: float | None = described("upper end of the interval; null where the posterior collapsed")
     chances: dict[str, float] | None = Field(
-        default=None, description="the probability of each word of a category; null for a number, or where it collapsed"
+        default=None,
+        description="the probability of each word of a category; null for a number, or if the posterior collapsed",
     )
 
 

@@ -32,7 +32,7 @@ class Exchange:
 
     @classmethod
     def of(cls, questions: Path, key: TrialKey, ask: str) -> Exchange:
-        """That of an attempt, below the session's folder of questions."""
+        """The exchange of an attempt, below the session's folder of questions."""
         return cls(questions / f"trial-{key.number:03d}-attempt-{key.attempt + 1}", ask)
 
     @property
@@ -77,7 +77,7 @@ class Exchange:
 
 
 class Mover(Protocol):
-    """What may move something real, and who consents to it."""
+    """States whether something real may move, and who consents to it."""
 
     @property
     def title(self) -> str:

@@ -1,4 +1,4 @@
-"""A person who answers at the terminal: a file with the trajectory, or where and when the object came to rest.
+"""A person who answers at the terminal, with a file of the trajectory, or with the place and time of the object's rest.
 
 A bad value is named at its own question, and asked for again.
 """
@@ -58,7 +58,7 @@ class TypedAnswers:
 
     @property
     def release(self) -> Release:
-        """See `Answerer`; the person moves the robot, so there is nothing to let go."""
+        """See `Answerer`; the person moves the robot, so nothing has to be released."""
         return Release()
 
     def ask(self, exchange: Exchange, question: Question, progress: Progress) -> None:

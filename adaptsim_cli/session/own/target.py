@@ -36,7 +36,8 @@ from sim.tasks.task import Expectations, Task
 from sim.types import Space
 
 NEAR = 0.05
-"""An action is as impossible as one within this share of every range of it, for a context that near."""
+"""An action counts as impossible if one was impossible that differs by at most this share of each range, in a context
+as near."""
 COMPARED_AT = (4, 8, 16)
 """Numbers of answers after which all of them are compared with the simulator under other readings."""
 
@@ -98,11 +99,11 @@ class OwnTarget:
         return (Readiness("your robot", True, f"{self.answerer.title}; adaptsim checks none of its motion"),)
 
     def goes_on(self, key: TrialKey) -> bool:
-        """See `Target`: once the question is out, its answer is taken, and it is not asked twice."""
+        """See `Target`. Once the question is asked, it is not asked again, and its answer is used."""
         return self._exchange(key, "trial").question_file.exists()
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """See `Target`; never: before the question is out, nothing has moved."""
+        """See `Target`. It never is, because nothing moves before the question is asked."""
         return False
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
@@ -120,7 +121,7 @@ class OwnTarget:
             return PlacedTrial(drawn, measured_context(answer, question, self.task), key)
 
     def executable(self, context: Array, action: Array) -> bool:
-        """Whether no answer has said that such an action is impossible."""
+        """Whether the action may be possible: no answer so far says that such an action is impossible."""
         here = self._normalised(context, action)
         return not any(
             np.abs(here[0] - other[0]).max(initial=0.0) <= NEAR and np.abs(here[1] - other[1]).max() <= NEAR
@@ -164,7 +165,9 @@ class OwnTarget:
         return KnownMotion(track, others=files)
 
     def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
-        """A mistake of this trial, or one that it and those before it have in common: they contradict their actions."""
+        """A sentence about a mistake of this trial, or of this and earlier trials together, which contradict their
+        actions.
+        """
         task, answers = self.task, [(track, question)]
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

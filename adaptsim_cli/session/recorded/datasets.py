@@ -1,4 +1,4 @@
-"""Data sets of robot learning as recorded trials, an episode each: LeRobot (Parquet) and robomimic (HDF5)."""
+"""Data sets of robot learning as recorded trials, one for each episode: LeRobot (Parquet) and robomimic (HDF5)."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _dataset(path: Path, demo: Any, where: str) -> Array:
-    """(N,) a column of a data set of one demonstration; of an attribute, its one value."""
+    """(N,) a column of a data set of one demonstration, or the only value of an attribute."""
     name, _ = _split(path, where)
     if name.startswith("attrs/"):
         return np.atleast_1d(np.asarray(demo.attrs[name.removeprefix("attrs/")], dtype=np.float64))

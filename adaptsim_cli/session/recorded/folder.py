@@ -79,7 +79,7 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
-    """Every trial that counts, of repeated actions the first. Raises RecordingsRefused for another task."""
+    """Every trial that counts; of repeated actions, only the first. Raises RecordingsRefused for another task."""
     with readable(folder.parent, folder.name) as store:
         facts, trials = store.facts, trials_of(store)
     if facts.task != task.name:

@@ -62,7 +62,7 @@ class Feed:
     """
 
     def __init__(self, name: str, logger: SessionLogger, screen: Screen, store: SessionStore) -> None:
-        """The values that the session has already are given at once, because each command begins a new log."""
+        """The values that the session already has are logged at once, because each command begins a new log."""
         self._name, self._screen = name, screen
         self._logger: SessionLogger | None = logger
         self._kept: set[str] = set()

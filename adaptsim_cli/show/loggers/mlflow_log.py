@@ -16,7 +16,7 @@ from sim.errors import ExtraMissing
 
 EXPERIMENT = "adaptsim"
 _FORBIDDEN = re.compile(r"[^\w./ -]")
-"""Signs that the name of a metric must not have."""
+"""Characters that the name of a metric must not have."""
 
 
 def open_logger(folder: Path, session: str, settings: Words) -> MlflowLog:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MethodKind:
-    """The declaration of a method: its constructor, and the facts that are needed before."""
+    """The declaration of a method: its constructor, and the facts that are needed before it is called."""
 
     create: str = ""  # module:function, called with (task, checkpoint); empty: a package's, or registered here
     needs_whole: bool = False  # every moment of a trial; else partial observations suffice
@@ -73,7 +73,7 @@ _registered: dict[str, Factory] = {}
 
 
 def ignores_seed(name: str, task: Task) -> bool:
-    """Whether every seed gives the same session: one is enough then."""
+    """Whether every seed gives the same session, so that one seed is enough."""
     return not kind_of(name).draws and repeats_exactly(task)
 
 

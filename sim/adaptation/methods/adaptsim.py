@@ -1,10 +1,10 @@
 """AdaptSim, the default method: combines the simulator with the trials; a policy is an E plus a correction.
 
 `OutcomePosterior` describes all possible realities. The first particle takes the action with the highest expected
-reward, whether or not any E proposes it, and the surer one if two earn the same. The other particles explore actions
-that may earn still more; they explore less with every iteration, and the last ones confirm. As long as every trial has
-failed, nothing can be lost, so all particles explore. A particle shows the E with the policy that is expected to earn
-most. The correction is the difference between that policy and the actions of the particle.
+reward, whether or not any E proposes it. If two actions earn the same, it takes the surer one. The other particles
+explore actions that may earn still more; they explore less with every iteration, and the last ones confirm. As long as
+every trial has failed, nothing can be lost, so all particles explore. A particle displays the E whose policy is
+expected to earn most. The correction is the difference between that policy and the actions of the particle.
 """
 
 from __future__ import annotations

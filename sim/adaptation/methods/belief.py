@@ -1,12 +1,13 @@
 """AdaptSim by inference: infers the true parameters from all trajectories, and the E that would earn most there.
 
-The paper's adaptation policy learns from thousands of sessions in which direction to move E. With an emulator that
+From thousands of sessions, the paper's adaptation policy learns in which direction to move E. With an emulator that
 answers in microseconds, the question can be asked directly, for all trials at once and without a fixed step:
 
 1. Each trajectory weighs candidate parameters by how well the emulator explains it there.
 2. The expected reward of an E is the mean of its row of the reward table (`RewardTable`) under these weights.
 3. No parameters describe the real object exactly. So this expectation is only the prior mean of a Gaussian process over
-E, which the rewards of the trials correct. They change little if the simulator expresses the object; else they decide.
+E, which the rewards of the trials correct. They change little if the simulator can express the object, and otherwise
+they decide.
 
 The first particle goes to the E with the largest expected reward, each other one to the E with the largest possible
 gain.
@@ -28,9 +29,8 @@ from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.tasks.task import Expectations, Task
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
-"""Standard deviations of real rewards from the simulator's: one for all E together, one that varies over E with the
-length `LENGTH`, in fractions of the ranges.
-"""
+"""Standard deviations of real rewards from the simulator's: one for all E together, and one that varies over E.
+`LENGTH`, in fractions of the ranges, is the distance over which it varies."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSimBelief:
@@ -57,7 +57,7 @@ class AdaptSimBelief:
         return self._best([], n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Deterministic; where the particles were before does not matter."""
+        """Deterministic; it does not depend on the earlier particles."""
         return self._best(history, len(history[-1]))
 
     def weights(self, history: Sequence[Iteration]) -> Array:

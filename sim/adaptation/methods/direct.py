@@ -2,11 +2,11 @@
 
 After each iteration the parameters are fitted to all trajectories so far by least squares, and the next task policies
 are searched for the fit (`sim.solvers.direct`). All particles but the first take a draw from the posterior, so they try
-what else may be true (Thompson sampling).
+other parameters that may be true (Thompson sampling).
 
-The posterior is Laplace's approximation: normal around the best fit, as wide as the misfit that the fit leaves. So a
-simulator that cannot repeat the trials gives a wide posterior, not a sharp wrong one. It knows one best fit, and no
-second one far away.
+The posterior is Laplace's approximation: it is normal around the best fit, and its width follows from the misfit that
+the fit leaves. So a simulator that cannot repeat the trials gives a wide posterior, not a sharp wrong one. The
+approximation has one best fit, and misses a second one far away.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ from sim.solvers.solver import policy_for
 from sim.tasks.task import Executable, SolvedPolicy, Task
 
 SCENARIOS = 3
-"""Parameters that the first particle's policy is searched for: the best fit, and draws from the posterior."""
+"""Number of parameter vectors for which the first particle's policy is searched: the best fit, and draws from the
+posterior."""
 
 CLOUD = 12
-"""Parameters that fill the margin, from the best of which a fit begins."""
+"""Number of parameter vectors that fill the margin; a fit begins from the best one."""
 
 DIFFERENCE = 0.02
 """Step of a difference quotient, as a fraction of the margin: above the noise of a contact solver."""
@@ -49,7 +50,9 @@ DRAWS = 256
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Direct:
-    """The method's entry in `METHODS`: with the rollouts of a session `--solver direct`, else with ones in memory."""
+    """The method's entry in `METHODS`. A session with `--solver direct` gives its rollouts; otherwise they are in
+    memory.
+    """
     solver = None if checkpoint is None else checkpoint.solver
     if isinstance(solver, DirectSolver):
         return Direct(solver)
@@ -73,8 +76,8 @@ class LaplaceFit:
 
 @dataclass(frozen=True, eq=False)
 class NearFit:
-    """Trajectories of executed trials for parameters near a fit. Without a rollout for the parameters, they are linear
-    in them.
+    """Trajectories of executed trials for parameters near a fit. If there is no rollout for the parameters,
+    trajectories are interpolated linearly.
     """
 
     solver: DirectSolver
@@ -119,7 +122,7 @@ class Direct:
 
     @property
     def rollouts(self) -> KeptRollouts:
-        """All that it has simulated."""
+        """All rollouts that it has simulated."""
         return self.solver.roll
 
     def rollouts_before(self, particles: int) -> int:
@@ -136,14 +139,14 @@ class Direct:
         return CLOUD * new + each * new * iteration + policies
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """All of Omega, as UDR has it, and single parameters in it."""
+        """All of Omega for the first particle, as in UDR, and single parameters in Omega for the others."""
         space = self.solver.task.parameters
         others = cover(space, max(n - 1, 1), rng)[: n - 1]
         everywhere = cover(space, SAMPLES, np.random.default_rng(0))
         return (Particle(everywhere), *(Particle(one[None]) for one in others))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The best fit with a few draws, and other draws."""
+        """The best fit with a few draws for the first particle, and other draws for the others."""
         fit, n = self.fit(history), len(history[-1])
         drawn = self.solver.task.margin.denormalise(np.vstack([fit.best, fit.draw(SCENARIOS + n - 2, rng)]))
         return (Particle(drawn[:SCENARIOS]), *(Particle(one[None]) for one in drawn[SCENARIOS:]))

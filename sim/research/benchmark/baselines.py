@@ -1,4 +1,4 @@
-"""Baselines of the sealed benchmark that could win: simple methods that use the knowledge of the simulator well.
+"""Strong baselines of the sealed benchmark: simple methods that make good use of the simulator.
 
 `best-of-first` tries a few actions that are fixed before any trial, and keeps the one that earned most. `least-squares`
 fits the parameters of an exact simulator to all trajectories. `simopt` is SimOpt (Chebotar et al. 2019) with the task
@@ -32,10 +32,11 @@ SCREENED, STARTS = 256, 8
 """Points that fill the ranges, and the best ones of them, from which a search by least squares starts."""
 
 SIMULATED, SAMPLES = 1024, 64
-"""Draws of SimOpt's Gaussian for an update, and those for which its task policy is trained, as many as for UDR."""
+"""Number of draws of SimOpt's Gaussian for an update, and of draws for which its task policy is trained, as many as for
+UDR."""
 
 FIRST_STD, LEAST_STD = 0.25, 0.01
-"""Standard deviations of SimOpt's first Gaussian, and least ones, in fractions of the ranges."""
+"""Standard deviation of SimOpt's first Gaussian, and the smallest one, in fractions of the ranges."""
 
 BOUND = 1.0
 """Largest Kullback-Leibler divergence of an update from the Gaussian before it."""
@@ -72,7 +73,7 @@ class BestOfFirst:
         return policy_of(self.before, self.before.simulators.solver, particle, (), executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """The rule with the highest mean reward; of equal ones, the earliest."""
+        """The rule with the highest mean reward; the earliest of equal ones."""
         earned: dict[bytes, list[float]] = {}
         particles: dict[bytes, Particle] = {}
         for tried in (tried for iteration in history for tried in iteration):
@@ -111,11 +112,11 @@ class LeastSquares:
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """The solver's for the particle."""
+        """The solver's policy for the particle."""
         return policy_for(self.solver, particle.samples, executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """The solver's for the best fit."""
+        """The solver's policy for the best fit."""
         return policy_for(self.solver, self.fit(history)[None], executable)
 
     def fit(self, history: Sequence[Iteration]) -> Array:
@@ -159,11 +160,11 @@ class SimOpt:
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """The solver's for draws from the Gaussian."""
+        """The solver's policy for draws from the Gaussian."""
         return policy_for(self.solver, particle.samples, executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """The solver's for draws from the Gaussian after all iterations."""
+        """The solver's policy for draws from the Gaussian after all iterations."""
         return policy_for(self.solver, self._particles(history, 1)[0].samples, executable)
 
     def gaussian(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
@@ -194,7 +195,7 @@ class SimOpt:
 
 
 def _bounded_weights(cost: Array) -> Array:
-    """(N,) weights of samples by their `cost` (N,), which make it as low as the bound on the divergence allows (Peters
+    """(N,) weights of samples. They lower the mean of `cost` (N,) as far as the bound on the divergence allows (Peters
     et al. 2010).
 
     The temperature minimises the dual function.
@@ -211,7 +212,7 @@ def _bounded_weights(cost: Array) -> Array:
 
 
 def _drawn(mean: Array, covariance: Array, n: int, rng: np.random.Generator) -> Array:
-    """(n, p) draws of the Gaussian in [0, 1), those outside moved to the nearest edge."""
+    """(n, p) draws of the Gaussian in [0, 1); those outside are moved to the nearest edge."""
     return np.clip(rng.multivariate_normal(mean, covariance, n), 0.0, 1.0 - 1e-9)
 
 

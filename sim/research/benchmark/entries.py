@@ -1,7 +1,7 @@
 """The entries of a benchmark beyond the methods that a session can have: baselines, ablations and fixed rules.
 
 An entry is the name of a method, a baseline, an ablation, a fixed rule or a limit. `NAME@omega` and `NAME@margin` are
-the same entry, which is told other ranges of the parameters (`sim.research.benchmark.knowledge`).
+the same entry with other known ranges of the parameters (`sim.research.benchmark.knowledge`).
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ if TYPE_CHECKING:
 UDR, UDR_MEAN, FIRST, SECOND = "udr", "udr-mean", "first-action", "second-action"
 ORACLE, BEST_ACTION = "oracle", "best-action"
 LIMITS = (ORACLE, BEST_ACTION)
-"""Upper bounds with knowledge that no method has: the best E, or the best action, in the world."""
+"""Upper bounds, which use knowledge that no method has: the best E, or the best action, in the world."""
 
 REFINEMENTS, POINTS, ELITE = 24, 64, 8
-"""Rounds of the search for the gain with the best mean reward, candidates of a round, and those that are kept."""
+"""The search for the gain with the best mean reward: number of rounds, of candidates in a round, and of candidates that
+are kept."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,11 @@ class PoliciesOfE:
     inner: AdaptSim
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Those of `adaptsim`."""
+        """The particles of `adaptsim`."""
         return self.inner.start(n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Those of `adaptsim`."""
+        """The particles of `adaptsim`."""
         return self.inner.next(history, rng)
 
 

@@ -1,9 +1,9 @@
-"""A job of a benchmark: one method in one place with one seed, described by names and values, so that a worker can run
+"""A job of a benchmark: one method in one place with one seed. Names and values describe it, so that a worker can run
 it.
 
 With recorded trials, sessions take one part of them, and scores come from the part held out. A control runs the default
-method on trials whose outcomes are shuffled. There nothing can be gained: `permuted` must earn what `permuted-udr`
-earns.
+method on trials whose outcomes are shuffled. Nothing can be gained there, so `permuted` must earn as much as
+`permuted-udr`.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def _row(
     began: float,
     shown_reward: float | None,
 ) -> BenchmarkRow:
-    """`curve` is None without trials: the reward stays the same."""
+    """The row of a job. `curve` is None if there are no trials, because then the reward stays the same."""
     adaptation = checkpoint.solver.task.adaptation
     each = 0 if curve is None else job.conditions.particles * adaptation.trials_per_iteration
     curve = curve or [last]

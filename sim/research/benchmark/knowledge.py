@@ -21,17 +21,17 @@ from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Tas
 from sim.types import Space
 
 Ranges = Literal["omega", "margin"]
-"""`omega`: nothing is known to lie beyond Omega. `margin`: all that the margin holds counts as Omega."""
+"""With `omega`, a method considers no parameters beyond Omega. With `margin`, the whole margin counts as Omega."""
 
 RANGES: tuple[Ranges, ...] = get_args(Ranges)
 
 TRUTHS = 1024
-"""Candidate truths of the reward table in other ranges, as many as `adaptsim` weighs."""
+"""Number of candidate truths of the reward table in other ranges, as many as `adaptsim` weighs."""
 
 
 @dataclass(frozen=True, eq=False)
 class RangedSolver(PredictionsBehind):
-    """A `Solver` whose task has other ranges; its policies are those of the solver behind it, too."""
+    """A `Solver` whose task has other ranges. Its policies also come from the solver behind it."""
 
     behind: Solver
 
@@ -47,7 +47,7 @@ class RangedSolver(PredictionsBehind):
 
 
 def with_ranges(checkpoint: Checkpoint, ranges: Ranges, *, tabulated: bool = True) -> Checkpoint:
-    """The checkpoint for methods that are told these ranges; its reward table is computed again, or left out."""
+    """The checkpoint for methods that know these ranges. Its reward table is computed again, or left out."""
     task = _with_ranges(checkpoint.solver.task, ranges)
     behind: Any = checkpoint.solver
     solver: Solver = RangedSolver(task, behind) if isinstance(behind, Emulator) else replace(behind, task=task)

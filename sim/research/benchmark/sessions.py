@@ -1,4 +1,4 @@
-"""Whole sessions of a method in one world, and the references for comparison.
+"""Whole sessions of a method in one world, and the references with which they are compared.
 
 Every method gets the same contexts, action errors and observation noise: all randomness of a trial depends only on
 (seed, iteration, particle).
@@ -25,7 +25,8 @@ from sim.tasks.task import SolvedPolicy, Solver, Task
 from sim.types import Estimate
 
 SCREENING, FINAL = 16, 6
-"""Trials per policy in the oracle's first round, which leaves `FINAL` policies; these get as many trials as a score."""
+"""Trials per policy in the oracle's first round, after which `FINAL` policies are left. These get as many trials as a
+score."""
 
 Commands = Callable[[Array], Array]
 """Contexts (N, c) -> actions (N, a)."""
@@ -68,7 +69,7 @@ class _Chance(IntEnum):
 def run_session(
     solver: Solver, method: Method, source: TrialSource, conditions: Conditions, seed: int
 ) -> list[SolvedPolicy]:
-    """The final policies of the session if it ended after each iteration."""
+    """The final policies that the session would have if it ended after each iteration."""
     histories = run_iterations(solver, method, source, conditions, seed)
     return [final_policy(method, solver, solver.task, history, source.executable) for history in histories]
 
@@ -107,7 +108,7 @@ def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
 
 
 def mean_of(judged: Sequence[Estimate]) -> Estimate:
-    """The mean of policies judged on the same contexts. The mean of their intervals is on the safe side."""
+    """The mean of policies that are judged on the same contexts. The mean of their intervals is a cautious interval."""
     n = len(judged)
     return Estimate(*(sum(getattr(one, end) for one in judged) / n for end in ("mean", "low", "high")))
 
@@ -130,7 +131,7 @@ def choose_oracle(solver: Solver, source: TrialSource, conditions: Conditions, s
 
 
 def mean_played_reward(task: Task, act: Commands, source: TrialSource, n: int, seed: int) -> float:
-    """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
+    """Mean reward over `n` trials of the kind that sessions have. It is used for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
     return float(np.mean([trial.reward for trial in source.play(contexts, act(contexts), rng)]))

@@ -1,9 +1,9 @@
 """Summary of a sealed benchmark: every entry against `adaptsim`, paired by world, in all worlds and by need.
 
 A world *needs* an action of its own if its best action earns more by `NEED` than the best fixed rule. The best fixed
-rule is the one with the highest mean over all worlds, by the trials for choices. The limit of a world is the better of
-`best-action` and `oracle`. Worlds are the units; an entry's reward in a world is its mean over seeds, so deterministic
-repeats count once. Intervals are Student's.
+rule is the one with the highest mean over all worlds, according to the trials for choices. The limit of a world is the
+better of `best-action` and `oracle`. Worlds are the units; an entry's reward in a world is its mean over seeds, so
+deterministic repeats count once. Intervals are Student's.
 """
 
 from __future__ import annotations
@@ -68,26 +68,29 @@ class SealedSummary:
 
     fixed_rule: str  # the best one
     need: tuple[str, ...]  # worlds that need an action of their own
-    worth: tuple[tuple[str, float], ...]  # world -> limit minus best fixed rule
+    worth: tuple[tuple[str, float], ...]  # world -> limit minus best fixed rule; empty where no limit was run
     strata: tuple[StratumSummary, ...]
 
 
 def by_strata(rows: Sequence[BenchmarkRow]) -> SealedSummary | None:
-    """The summary; None if `adaptsim`, every fixed rule or every limit is missing. All entries must have all worlds."""
+    """The summary; None without `adaptsim` or a fixed rule; one stratum without a limit. Entries have all worlds."""
     worlds = list(dict.fromkeys(row.target for row in rows))
     entries = list(dict.fromkeys(row.method for row in rows))
     rules = [entry for entry in entries if Entry.parse(entry).name in FIXED_RULES]
     limits = [entry for entry in (BEST_ACTION, ORACLE) if entry in entries]
-    if DEFAULT not in entries or not rules or not limits:
+    if DEFAULT not in entries or not rules:
         return None
     earned = {entry: _by_world(rows, entry, worlds, "reward") for entry in entries}
     shown = {entry: _by_world(rows, entry, worlds, "shown") for entry in rules}
     fixed_rule = max(rules, key=lambda rule: float(shown[rule].mean()))
+    everywhere = np.full(len(worlds), fill_value=True)
+    if not limits:
+        return SealedSummary(fixed_rule, (), (), tuple(_stratum(ALL, one, earned, everywhere) for one in entries))
     worth = np.max([earned[entry] for entry in limits], axis=0) - shown[fixed_rule]
     need = worth >= NEED
     strata = [
         _stratum(stratum, entry, earned, chosen)
-        for stratum, chosen in zip(STRATA, (np.full(len(worlds), fill_value=True), need, ~need), strict=True)
+        for stratum, chosen in zip(STRATA, (everywhere, need, ~need), strict=True)
         if chosen.any()
         for entry in entries
     ]

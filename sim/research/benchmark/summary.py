@@ -1,7 +1,7 @@
 """Summarises rows by method: means with intervals, paired differences, share of the gap closed, worst world.
 
-Everything is per set of worlds. Worlds are the units: a method's reward in a world is its mean over seeds, and
-intervals are bootstraps over worlds (over seeds if there is only one world).
+Each set of worlds has its own summary. Worlds are the units: a method's reward in a world is its mean over seeds.
+Intervals are bootstraps over worlds, or over seeds if there is only one world.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sim.research.benchmark.entries import ORACLE, UDR
 from sim.research.benchmark.jobs import BenchmarkRow
 
 LEAST_GAP = 0.1
-"""A world with a smaller difference between oracle and UDR, by the trials for choices, has no gap."""
+"""A world has no gap if the difference between oracle and UDR, in the trials for choices, is smaller than this."""
 
 WORSE_BY = 0.1
 """A method that earns this much less than UDR in a world does harm there."""
@@ -101,7 +101,9 @@ def _earned(
 
 
 def _with_gap(earned: dict[str, _Earned]) -> Array | None:
-    """(worlds,) whether a world has a gap, by the trials for choices; the rollouts of scores do not decide."""
+    """(worlds,) whether a world has a gap. This is decided by the trials for choices, and not by the rollouts for
+    scores.
+    """
     udr, oracle = (earned[name].shown if name in earned else None for name in (UDR, ORACLE))
     if udr is None or oracle is None:
         return None

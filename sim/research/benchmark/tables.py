@@ -1,10 +1,10 @@
 """World tables: true rollouts of a world, run once, so that sessions look up trials instead of simulating them.
 
-The answer of a world depends only on the executed action, if contexts differ only by `Task.relocate`, else also on the
-context. So a table is a set of executed actions, in contexts that differ where these move things, with their results.
-Half of the actions fill the action space; half are commands of policies of E at drawn contexts, with offsets and action
-error. Rows with even numbers are for sessions and choices, rows with odd numbers for scores, so no score uses a rollout
-that influenced a choice.
+If contexts differ only by `Task.relocate`, the result in a world depends only on the executed action; otherwise it also
+depends on the context. So a table is a set of executed actions with their results, also in different contexts if these
+move things. Half of the actions fill the action space; half are commands of policies of E at drawn contexts, with
+offsets and action error. Rows with even numbers are for sessions and choices, rows with odd numbers for scores, so no
+score uses a rollout that influenced a choice.
 
 A table is a folder with `table.toml` (world, scene, policies) and shards with digests. An interrupted run can continue.
 """
@@ -33,7 +33,7 @@ from sim.storage.files import write_toml
 from sim.tasks.task import Solver, Task
 
 ROLLOUTS = 320
-"""Rollouts per world: for 40 drawn worlds of each seed and the named ones, less than an hour of two cores per task."""
+"""Rollouts per world. The 40 drawn worlds of a seed and the named ones need less than an hour of two cores per task."""
 
 SHARD = 64
 
@@ -63,7 +63,7 @@ class WorldTable:
         return self.requests.action
 
     def half(self, odd: bool) -> tuple[Requests, Rollouts]:
-        """The rows for scores (odd) or those for everything else."""
+        """The odd rows, which are for scores, or the even rows, which are for everything else."""
         rows = slice(1 if odd else 0, None, 2)
         return self.requests[rows], self.rollouts[rows]
 
@@ -95,8 +95,8 @@ class PlannedTable:
     def build_share(self, share: Share, before: int, executor: Executor, progress: Progress) -> tuple[int, int]:
         """Simulate the missing rows of one share of the table; several processes may do so at a time.
 
-        `before`: how many shards other tables of the same work have. Returns how many shards are this share's, and how
-        many the table has. `build` joins the shares. Raises as it does.
+        `before` is the number of shards of earlier tables of the same work. Returns the number of shards of this share,
+        and of the whole table. `build` joins the shares. Raises as it does.
         """
         self._agreed()
         shards = self._shards

@@ -25,7 +25,7 @@ from sim.rollouts.run import Requests, Rollouts
 from sim.tasks.task import Executable, Solver, Task
 
 SMOOTHED = 4
-"""Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""
+"""Number of a table's rollouts that are averaged for the reward of an action, in the search for the best one."""
 
 
 class TrialSource(Protocol):
@@ -45,7 +45,7 @@ class TrialSource(Protocol):
         """(N,) rewards of rollouts that `play` never shows."""
 
     def best_actions(self, contexts: Array) -> Array:
-        """(N, a) the best actions by the data of `play`: an upper bound for any method."""
+        """(N, a) the best actions according to the data of `play`, which give an upper bound for any method."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ class FromRecordings:
         )
 
     def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `TrialSource`: of the recordings held out."""
+        """See `TrialSource`: the rewards of the recordings held out."""
         return self.held_out.rewards(self.held_out.at(actions), contexts)
 
     def best_actions(self, contexts: Array) -> Array:

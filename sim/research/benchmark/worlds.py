@@ -49,7 +49,7 @@ SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
 """Every set of worlds by its name; the only list of them."""
 
 RULES: dict[str, Callable[[Task, int, int], World]] = {REPORT: drawn_world, FOODS: food_world}
-"""The function that draws a world of a seed and number, by the first part of its name."""
+"""The first part of a world's name -> the function that draws the world of a seed and number."""
 _NAMED_SEEDS = {(REPORT, DEVELOP_SEED): DEVELOP, (REPORT, REPORT_SEED): REPORT, (FOODS, FOODS_SEED): FOODS}
 
 
@@ -65,7 +65,7 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
 
 
 def usual_targets(task: Task) -> tuple[str, ...]:
-    """The names of the paper's targets; of all worlds for a task that has no such targets."""
+    """The names of the paper's targets, or of all worlds if the task has no such targets."""
     names = list_worlds(task)
     return TABLE_A2 if set(TABLE_A2) <= set(names) else names
 

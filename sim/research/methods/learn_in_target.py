@@ -27,7 +27,7 @@ PRIOR_MEAN, SIGNAL_STD, LENGTH = 0.3, 0.35, 0.3
 """Prior of the reward over contexts and actions, in fractions of their ranges."""
 
 ATTEMPTS = 64
-"""Number of actions to check against the arm's limits before giving up."""
+"""Number of actions that are checked against the arm's limits before the search ends."""
 
 CLAIMS = 64
 """Samples of a particle. They fill Omega, because the method says nothing about parameters."""
@@ -45,7 +45,7 @@ class LearnInTarget:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """`n` particles over all of Omega, each with other samples, which make their draws differ."""
+        """`n` particles over all of Omega. Each has other samples, so that its draws differ from the others'."""
         dimensions = len(self.task.parameters)
         return tuple(Particle(self.task.parameters.spread(sobol(CLAIMS, dimensions, rng))) for _ in range(n))
 
@@ -107,7 +107,7 @@ class LearntPolicy:
         return float(np.clip(expected, 0.0, 1.0)), float(low), float(high)
 
     def _worth(self, context: Array) -> Array:
-        """(ACTIONS,) rounded: ties are in the order of the set, which fills the space evenly."""
+        """(ACTIONS,) rounded values. Ties keep the order of the set, which fills the space evenly."""
         key = np.ascontiguousarray(context).tobytes()
         if key not in self._worths:
             mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))

@@ -3,8 +3,8 @@
 Branching after Tavakoli et al. (2018): a shared trunk, one value head, and one three-way advantage head per parameter
 with its mean subtracted.
 
-Values and gradients are written out in numpy, over one vector of all weights: for networks this small torch needs three
-times as long for a gradient step, and most of that is not arithmetic (1.7 ms against 0.56 ms).
+Values and gradients are written out in numpy, over one vector of all weights. For networks this small, torch needs
+three times as long for a gradient step (1.7 ms instead of 0.56 ms), and most of that is not arithmetic.
 """
 
 from __future__ import annotations

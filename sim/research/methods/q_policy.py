@@ -127,7 +127,8 @@ def look_back(means: Array, observations: Array, contexts: Array, rewards: Array
 def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> PastIterations:
     """The past of one particle of a session. Raises ValueError if it has no trial in the last iteration.
 
-    Of more than `trials_per_iteration` trials only the last ones count; fewer are repeated.
+    If there are more than `trials_per_iteration` trials, only the last ones count; if there are fewer, they are
+    repeated.
     """
     count, latest = task.adaptation.trials_per_iteration, len(history) - 1
     if not history or not history[-1][particle].trials:

@@ -25,7 +25,7 @@ from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 CANDIDATES = 256
-"""Number of E, spread evenly over Omega, among which the next are chosen. So integers need no relaxation."""
+"""Number of E, spread evenly over Omega, among which the next ones are chosen, so that integers need no relaxation."""
 
 LEVEL_STD, ODD_STD = 0.1, 0.05
 """Standard deviations of real rewards from all past tasks: one for all E together, one for each E."""
@@ -43,7 +43,7 @@ class RandomSearch:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The first is random; each other one is far from those before it."""
+        """The first particle is random; each other one is far from those before it."""
         return self._farthest(np.zeros((0, len(self.task.parameters))), n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -194,7 +194,7 @@ def require(method: str, package: str, extra: str) -> None:
 
 @contextmanager
 def calculating(seed: int) -> Iterator[None]:
-    """Inside, torch draws from `seed` and computes on one thread, and the packages print nothing.
+    """A context manager: inside, torch draws from `seed` and computes on one thread, and the packages print nothing.
 
     So results are the same on every machine, and torch's generator is unchanged afterwards.
     """

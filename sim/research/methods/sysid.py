@@ -2,9 +2,9 @@
 paper).
 
 Each iteration simulates its own trials again, with the executed commands and with parameters drawn from the present
-belief. From these a mixture density network learns to infer parameters from trajectories. For the observed trajectories
-it gives the posterior, which is truncated to the ranges and becomes the prior of the next iteration. The task policy is
-trained for draws from the posterior, or for its mean.
+belief. From these, a mixture density network learns to infer parameters from trajectories. Applied to the observed
+trajectories, it gives the posterior. This is truncated to the ranges and becomes the prior of the next iteration. The
+task policy is trained for draws from the posterior, or for its mean.
 
 All particles of a session are the same distribution, so each iteration adds all of its trials.
 Sources: Ramos, Possas & Fox 2019 (BayesSim); Papamakarios & Murray 2016 (the network); paper, A3 (what is observed).

@@ -3,8 +3,8 @@
 MuJoCo makes each contact a constraint with a reference acceleration -b v - k r and a regulariser R = (1 - d) A / d, A
 the inverse of the mass that the contact moves. Its force is -(k/R) r - (b/R) v - a/R: a spring k/R, a damper b/R and an
 inertia 1/R. Given as "-stiffness, -damping" (solref), k and b are these numbers over d, so that a spring K and a damper
-B are solref = (-K, -B) (1 - d) A. The impedance d remains free. It is chosen so that the damper outweighs the inertia,
-which no material has, after `INERTIA_S`; so 1/R is B times `INERTIA_S`.
+B are solref = (-K, -B) (1 - d) A. The impedance d remains free. No material has the inertia, so d is chosen so that the
+damper outweighs it after `INERTIA_S`: 1/R is B times `INERTIA_S`.
 """
 
 from __future__ import annotations

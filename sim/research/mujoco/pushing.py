@@ -59,7 +59,8 @@ BAND_M = BOTTLE_HEIGHT_M - BASE_HEIGHT_M
 """Height of the band, which starts above the base."""
 
 SPEED_M_S = float(ACTION.low[1] + ACTION.high[1]) / 2.0
-"""The impact for which wall and plate match the stiffness and bounce of hydroelastic contact: mid-range."""
+"""The impact, in the middle of the range, for which wall and plate match the stiffness and bounce of hydroelastic
+contact."""
 
 
 def simulate(

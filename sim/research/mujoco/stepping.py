@@ -20,7 +20,7 @@ _JOINTS = ("forward", "up", "pitch")
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 IMPRATIO = 10.0
-"""Friction is stiffer than the normal contact by this factor: an object on a slope then creeps a tenth as fast."""
+"""Friction is stiffer than the normal contact by this factor, so that an object on a slope creeps a tenth as fast."""
 
 
 _log = mujoco.MjLogConfig.get()
@@ -94,7 +94,9 @@ def set_state(model: Any, data: Any, X_BO: Array, tool: Array) -> None:
 
 
 def written(spec: Any, model: Any, course: Course) -> str:
-    """The MJCF of a scene, with the softness of its compiled model and a keyframe "start" as the course begins."""
+    """The MJCF of a scene, with the softness of its compiled model, and with a keyframe "start" at the beginning of the
+    course.
+    """
     for pair in spec.pairs:
         compiled = model.pair(pair.name)
         pair.solref, pair.solimp = compiled.solref, compiled.solimp

@@ -1,7 +1,7 @@
 """The NAF policies trained so far: the record for the rules of reuse, and the networks that may be reused.
 
-A pretraining keeps them in memory, and trains again after a resume. A session keeps them in a folder, so that a
-continued session has the same policies as one that was never interrupted.
+A pretraining keeps them in memory, and trains them again after an interruption. A session keeps them in a folder, so
+that a continued session has the same policies as one that was never interrupted.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def features(samples: Array) -> Array:
 def plan_training(record: tuple[PolicyRecord, ...], mean: Array, rules: ReuseRules) -> TrainingPlan:
     """The training plan for the distribution with `mean` (p,), or `features` (2p,), normalised by the ranges.
 
-    The nearest policy within D that has not donated yet becomes the donor. Training continues with max(M_min, alpha^(j
-    - 1) M) rollouts, where j counts the new distribution, and never beyond M_max in total.
+    The nearest policy within D whose weights have not been reused yet becomes the donor. Training continues with
+    max(M_min, alpha^(j - 1) M) rollouts, where j counts the new distribution, and never beyond M_max in total.
     """
     gaps = [np.inf if p.donated else float(np.linalg.norm(p.mean - mean)) for p in record]
     donor = int(np.argmin(gaps)) if gaps and min(gaps) <= rules.distance else None

@@ -51,8 +51,8 @@ class NafSolver(FromSimulator):
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[NafPolicy, ...]:
-        """One policy for each of B distributions, samples (B, m, p), in order: an earlier one may donate to a later
-        one.
+        """One policy for each of B distributions, samples (B, m, p), in order, because a later policy may start from
+        the weights of an earlier one.
         """
         seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
         keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]
@@ -63,9 +63,9 @@ class NafSolver(FromSimulator):
         return tuple(replace(by_key[key], executable=executable, attempts=attempts) for key in keys)
 
     def _train(self, jobs: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
-        """(key, samples, seed) of each -> its policy.
+        """(key, samples, seed) of each distribution -> its policy.
 
-        Plans first, then trains in rounds every policy whose donor is ready.
+        It plans all trainings first. Then each round trains the policies whose donor is ready.
         """
         plans: list[TrainingPlan] = []
         record = self.memory.record

@@ -48,7 +48,7 @@ class PretrainBudget:
     def full(cls, task: Task) -> PretrainBudget:
         """The default: about a quarter of an hour of two quiet cores for a contact task.
 
-        Where the mirror image of a rollout counts too, three quarters as many are simulated.
+        If the mirror image of a rollout counts too, three quarters as many rollouts are simulated.
         """
         whole = cls()
         if task.mirror is None:
@@ -71,8 +71,8 @@ class PretrainBudget:
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
     def uncached(self, task: Task, stages: OptionalStages = EVERYTHING) -> int:
-        """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
-        repeat.
+        """Number of rollouts of training and evaluation that no counter counts. For the evaluation it is an upper
+        bound, because policies repeat.
         """
         trials = task.adaptation.trials_per_iteration
         session = self.evaluation.particles * self.evaluation.iterations * trials

@@ -1,9 +1,9 @@
 """Meta-episodes: trials and rewards of parameter distributions in simulated targets, many at once.
 
-`SolverActing` asks the solver anew for the task policy of every distribution. `Library` solves some thousands of them
-once, which fill Omega evenly, and lets every distribution act like its nearest one: the paper's reuse of task policies
-(A2.2). Over four parameters the nearest of 2048 is 0.09 away on average, in normalised parameters; the paper allows
-0.16.
+`SolverActing` asks the solver again for the task policy of every distribution. `Library` solves some thousands of
+distributions once, which fill Omega evenly, and uses the policy of the nearest one. This is the paper's reuse of task
+policies (A2.2). Over four parameters the nearest of 2048 is 0.09 away on average, in normalised parameters; the paper
+allows 0.16.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CONTEXTS = 16
 """Contexts of each distribution: some for its trials, all for its expected reward."""
 
 LIBRARY = SolverSettings(scenarios=4, refine=16)
-"""The resolution of its policies: in pushing they earn 0.001 less than with the default, at a fifth of its cost."""
+"""The resolution of its policies. In pushing, they earn 0.001 less than with the default, and cost a fifth as much."""
 
 Acting = Callable[[Array, np.random.Generator], tuple[Array, Array]]
 """Means (B, p) -> contexts (B, G, c) that fill their space evenly, in random order, and the actions there (B, G, a)."""

@@ -75,7 +75,9 @@ def final_policies(
     settings: EvaluationSettings,
     rng: np.random.Generator,
 ) -> list[SolvedPolicy]:
-    """The final policies of a session of `method` in a simulated target (p,), if it ended after each iteration."""
+    """The final policies that a session of `method` in a simulated target (p,) would have if it ended after each
+    iteration.
+    """
     task = solver.task
     adaptation = Adaptation(method, KnownPolicies(solver), solver)
 
@@ -121,7 +123,9 @@ def evaluate(
 def _oracle(
     solver: Solver, candidates: tuple[SolvedPolicy, ...], target: Array, roll: Roll, rng: np.random.Generator
 ) -> SolvedPolicy:
-    """The best policy of parameters in Omega: the solver knows the target and proposes some; true rollouts choose."""
+    """The best policy of parameters in Omega. The solver, which knows the target, proposes some, and true rollouts
+    choose one.
+    """
     contexts = solver.task.context.sample(rng, 4)
     actions = np.stack([policy.actions(contexts) for policy in candidates])
     rewards = solver.expected_rewards(np.tile(target, (len(candidates), 1)), contexts, actions, rng)
@@ -134,7 +138,8 @@ def _oracle(
 def _judge(
     solver: Solver, policies: Sequence[SolvedPolicy], target: Array, roll: Roll, n: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """True mean rewards and the solver's, (len(policies),) each, on the same contexts, errors and nuisance.
+    """Two arrays (len(policies),) on the same contexts, errors and nuisance: the true mean rewards, and those that the
+    solver predicts.
 
     A repeated policy is judged once; all are simulated together, so that no worker waits.
     """

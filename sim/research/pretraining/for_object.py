@@ -1,8 +1,9 @@
-"""A checkpoint for an own object from the shipped one: its networks as they are, or trained on for another scene.
+"""A checkpoint for an own object from the shipped one. Its networks are used as they are, or trained further for
+another scene.
 
-The shipped emulator has learnt the whole margin. An object that only has narrower ranges is inside: its networks
-answer for it, and only the reward table is made anew. An object of another size or mass is another scene: the networks
-begin from the shipped ones and learn from a third of the rollouts.
+The shipped emulator has learnt the whole margin. An object that only has narrower ranges lies inside it, so the
+networks cover it, and only the reward table is made again. An object of another size or mass is another scene. Then the
+networks start from the shipped ones and learn from a third of the rollouts.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ def make_ready(
     table_settings: RewardTableSettings | None = None,
     held_out: int = HELD_OUT,
 ) -> tuple[Path, HeldOutErrors | None]:
-    """Write the checkpoint of an object into `folder`; an object that is not inside is learnt from `rollouts`.
+    """Write the checkpoint of an object into `folder`. If the object is not inside the margin, its networks learn from
+    `rollouts` rollouts.
 
     The error is None for a task that is solved exactly. Raises CheckpointError if the shipped checkpoint has no
     emulator for it, DatasetError.

@@ -22,7 +22,7 @@ from sim.tasks.task import Solver, Task
 TRAINING, GRID = "policies", "grid of rollouts"
 
 GRID_SHARD = 64
-"""Rollouts per file of a grid: all that an interruption costs."""
+"""Rollouts per file of a grid: at most these are lost in an interruption."""
 
 
 def grid_tensors(folder: Path, solver: Solver, executor: Executor, progress: StageProgress) -> dict[str, Array]:

@@ -23,7 +23,7 @@ SMALLEST, GROWTH = 128, 2
 """Rollouts of the first batch, and the factor by which the dataset grows."""
 
 FALLS = 0.95
-"""A batch must lower the error to this share of it, or it was the last."""
+"""A batch must lower the error to this share of the earlier one; otherwise it is the last batch."""
 
 GROWN = "growth.toml"
 

@@ -1,10 +1,10 @@
 """Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets, and the
 learning gate.
 
-K counts episodes here, although Table A1 of the paper calls them steps: its 10,000 have the horizon's number of steps
-each. In the contact tasks their observations would be 180,000 true rollouts: two in each of nine distributions of an
-episode. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
-a task with an exact solver needs neither.
+K counts episodes here, although Table A1 of the paper calls them steps. Each of its 10,000 episodes has as many steps
+as the horizon. In the contact tasks, their observations would need 180,000 true rollouts, because an episode has two in
+each of nine distributions. So they come from the emulator's ensemble, and task policies are reused
+(`sim.research.pretraining.episodes`); a task with an exact solver needs neither.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ GATE_TARGETS = 512
 """Unseen targets, one particle each."""
 
 _ENDS = 3
-"""The last distributions of the policy, of staying and of drifting are visited once more, under equal conditions."""
+"""The last distributions of the policy, of staying, and of drifting are visited once more, under equal conditions."""
 
 CURVE = ("reward", "epsilon", "loss")
 """Columns of a learning curve."""

@@ -230,7 +230,7 @@ def _policies(
 def _after(
     memory: MemoryName, means: _Means, settings: MetaSettings, progress: StageProgress
 ) -> Callable[[int, int], None]:
-    """The progress of all trainings, from that of one."""
+    """The progress of all trainings, from the progress of one training."""
     before, total = (settings.episodes * n for n in (means.memories.index(memory), len(means.memories)))
     return lambda i, _: progress(STAGES[3], before + i, total)
 
@@ -241,7 +241,7 @@ def policy_files(folder: Path, memory: MemoryName) -> tuple[Path, Path]:
 
 
 def _acting(means: _Means, settings: MetaSettings, seed: int) -> Acting:
-    """NAF reuses its policies by its own rules, and exact ones cost nothing."""
+    """The task policies of the episodes. NAF reuses its policies by its own rules, and exact policies cost nothing."""
     solver = means.new_solver()
     return fill_library(solver, seed, settings.library) if means.emulator else SolverActing(solver)
 

@@ -1,4 +1,5 @@
-"""Tests whether a checkpoint's card still holds: a few fresh rollouts against the held-out figures of pretraining.
+"""Tests whether a checkpoint's card still holds, by comparing a few fresh rollouts with the held-out figures of
+pretraining.
 
 The draws are new, so nothing is compared digit by digit: a figure holds unless it is worse than the card's by more than
 `SIGMAS` joint standard errors. This tests simulator, emulator and policies on this machine and version.
@@ -38,7 +39,7 @@ PER_TARGET = 2
 """Rollouts of a policy per target if they are expensive: many targets are more informative than many rollouts."""
 
 EXACT_TARGETS, ASKED_A_TARGET = 64, 3
-"""If rollouts are nearly free: the most targets, and the number of requested rollouts per target."""
+"""The largest number of targets if rollouts are nearly free, and the number of requested rollouts for each target."""
 
 AT_ONCE = 16
 """Rollouts between two reports of progress."""

@@ -17,10 +17,10 @@ HALF = 0.5
 """The expected reward below which a place counts as hopeless."""
 
 TRUTHS, CONTEXTS = 64, 16
-"""Parameters in the ranges, and contexts of each, at which the best actions are looked at."""
+"""Number of parameter vectors in the ranges, and of contexts for each, at which the best actions are examined."""
 
 END = 0.02
-"""An action lies at the end of its range within this share of it."""
+"""An action counts as lying at the end of its range if it is within this share of the range from the end."""
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def _encode_space(space: Space, value: Array) -> Array32:
 
 @dataclass(frozen=True, eq=False)
 class EmulatedTrials:
-    """The emulator's predictions, as rollouts are simulated: see `Task.simulated_in`."""
+    """The emulator's predictions, in the contexts in which rollouts are simulated (`Task.simulated_in`)."""
 
     observation: Array  # (N, size) normalised, without camera noise
     success: Array  # (N,) probability
@@ -151,7 +151,7 @@ class Emulator(FromOutcomes):
     def outcomes(
         self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
     ) -> PredictedOutcomes:
-        """Of every member: (M, ...); see `sim.tasks.task.Expectations`."""
+        """The outcomes predicted by every member, (M, ...); see `sim.tasks.task.Expectations`."""
         features = encode(self.task, parameters, self.task.simulated_in(context), action, nuisance)
         lead = features.shape[:-1]
         raw = self._forward(features.reshape(-1, features.shape[-1]), slice(self.task.observation.size, None))
@@ -217,8 +217,8 @@ def predictions(emulator: Emulator) -> list[float]:
 def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path) -> None:
     """Raise CheckpointError unless the emulator repeats the prediction in its card.
 
-    The hash in the card says that the weights are those of the card; this, that they are a working emulator here, with
-    the same answers as where they were trained.
+    The hash in the card shows that the weights are those of the card. This check shows that they work as an emulator
+    here, with the same answers as on the computer that trained them.
     """
     if stored is None:
         raise CheckpointError(f"{where} has no {SELF_TEST}: pretrain again")
@@ -237,7 +237,8 @@ def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path
 def rescaled_to(emulator: Emulator, task: Task) -> Emulator:
     """The emulator as one of `task`, the same one with other ranges. Raises CheckpointError if whole numbers differ.
 
-    Inputs are scaled by the ranges. Between two ranges that is an affine map, which the first layer takes over.
+    Inputs are scaled by the ranges. The change from one range to another is an affine map, which becomes part of the
+    first layer.
     """
     theirs, ours = inputs(emulator.task), inputs(task)
     for old, new in zip(theirs, ours, strict=True):

@@ -60,8 +60,7 @@ SMALLEST = 64
 TEMPERATURE_SPREAD = 0.5
 """Prior standard deviation of the logarithm of the temperature.
 
-Without a prior, 150 held-out rollouts that happen to be predicted well make every prediction certain.
-"""
+Without a prior, every prediction would become certain if 150 held-out rollouts happened to be predicted well."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +156,10 @@ class _Data:
 
 
 def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
-    """Outputs (N, size + k), and the mask of known ones: an end state of a success only, nothing of a failed solver.
+    """Outputs (N, size + k), and the mask of known ones. Only a success has a known end state, and a failed solver has
+    no known output.
 
-    If a failure may earn, its reward is one more output, known of failures only.
+    If a failure may earn a reward, this is one more output, which is known only for failures.
     """
     rollouts = dataset.rollouts
     solved = rollouts.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
@@ -187,7 +187,7 @@ def _fit(
     progress: Callable[[int, int], None] | None,
     before: Tensors | None,
 ) -> dict[str, Tensor]:
-    """Each member on its own bootstrap of the data; the weights with the best validation loss."""
+    """Train each member on its own bootstrap of the data, and keep the weights with the best validation loss."""
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     widths = [data.x.shape[1], *[settings.hidden] * settings.layers, data.y.shape[1] + 1]
     weights = _initial(settings.members, widths, "w", "b", generator)
@@ -281,7 +281,7 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
 def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
     """The emulator's error for each rollout, by the name of the field of `EmulatorReport` that summarises it.
 
-    Positions only if the simulator found a solution, end states only for successes.
+    Positions count only if the simulator found a solution, and end states only for successes.
     """
     observation = emulator.task.observation
     prediction = emulator.predict(*_inputs(requests))

@@ -29,7 +29,7 @@ def end_state(track: ObjectTrack) -> Array:
 
 
 def reward_of_success(excess: Array, context: Array) -> Array:
-    """1 - 10 (J - J*) / J*, at least 0, for (..., 1) -> (...)."""
+    """1 - 10 (cost - least cost) / least cost, at least 0, for (..., 1) -> (...)."""
     return np.clip(1.0 - STEEPNESS * excess[..., 0], 0.0, 1.0)
 
 
@@ -82,8 +82,7 @@ def exponential(matrices: Array) -> Array:
 _HALVINGS, _ORDER = 9, 12
 """Norms up to 100 become 0.2, where twelve terms are exact to rounding.
 
-Fixed numbers, so that a result does not depend on the rest of the stack.
-"""
+The numbers are fixed, so that a result does not depend on the rest of the stack."""
 
 
 def _stack(a: Array, b: Array, c: Array, d: Array) -> Array:

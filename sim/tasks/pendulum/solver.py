@@ -84,7 +84,7 @@ class LqrSolver:
 
     @property
     def misfit_limit(self) -> float:
-        """The misfit limit, measured on targets in Omega under the gain of another E."""
+        """The misfit limit, which was measured on targets in Omega under the gain of another E."""
         return _MISFIT_LIMIT
 
 

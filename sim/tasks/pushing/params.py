@@ -124,11 +124,11 @@ NUISANCE = Space(
 )
 """Offset of the bottle from `START_M`.
 
-Every corner passes the 5 mm check before a motion; the spread of 2 mm is that of a steady hand.
-"""
+Every corner passes the 5 mm check before a motion; the spread of 2 mm is that of a steady hand."""
 
 ACTION_NOISE: Array = frozen_array([0.01, 0.01], (2,))
-"""Half-width of the uniform error of an executed action, in the order of `ACTION`. Ours: the paper states none here."""
+"""Half-width of the uniform error of an executed action, in the order of `ACTION`. It is our choice, because the paper
+states none here."""
 
 REFERENCE_CONTEXT: Array = frozen_array([0.85, 0.0], (2,))
 
@@ -195,7 +195,7 @@ def goal_m(context: Array) -> Array:
 
 @dataclass(frozen=True)
 class PushingUnmodelled:
-    """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
+    """Effects of a lab's world that no simulation parameter expresses. The defaults are those of the training scene."""
 
     bottle_mass_scale: float = 1.0
     com_height_m: float = COM_HEIGHT_M  # of the part that does not slosh, above the bottom
@@ -238,7 +238,7 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "plate_restitution_scale": (1.0, 10.0),
     "contact": ("lagged", "sap"),
 }
-"""The plausible range of each effect; for the contact law, training's and the other one."""
+"""The plausible range of each effect. The contact law is that of training or the other one."""
 
 
 STEP_S = 0.0025

@@ -5,8 +5,8 @@ before it touches the bottle, and pushes for `HOLD_S`. Then it slows down over `
 bottle. During the whole motion it pitches up about its lower edge, upright at the moment of touch. It stays clear of
 the table. For the tool frame T see mount.py.
 
-Figures from the paper (A4.1) and its public code: hold, slowing, pitch rate and rise. Ours: a ramp of 0.35 s instead
-of 0.2 s, the lean before the touch, and rounded corners everywhere, because an arm wants finite jerk
+Hold, slowing, pitch rate and rise are those of the paper (A4.1) and its public code. Our own choices are a ramp of 0.35
+s instead of 0.2 s, the lean before the touch, and rounded corners everywhere, because an arm needs finite jerk
 (docs/decisions/0008).
 """
 

@@ -38,8 +38,8 @@ ARM = Compliance(
     p_PM_m=(0.0, 0.0),
     inertia_kg_m2=0.01,
 )
-"""Stiffer than an arm and without its coupling: a bottle of 0.3 kg moves the plate by micrometres either way
-(tests/sim/lab/test_lab_agreement.py)."""
+"""It is stiffer than an arm and has no coupling, because a bottle of 0.3 kg moves the plate only by micrometres in both
+cases (tests/sim/lab/test_lab_agreement.py)."""
 
 STILL_MOVING = f"the bottle is still moving {SETTLE_S:g} s after the push"
 """The flag of a bottle that still moved when it was judged."""
@@ -80,7 +80,9 @@ def readings(
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Course:
-    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; only this part enters."""
+    """The drive of the plate against a bottle at X_BO (4, 4), with start and end. Only this part of the motion is
+    simulated.
+    """
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     latest_s = float(motion.t_s[-1]) + SETTLE_S

@@ -7,7 +7,7 @@ right pair. The plate stays clear of the table.
 
 Table and patch are two flush rigid surfaces, each an open sheet of triangles at z = 0. A bottle across the seam has one
 contact surface with each, over the part of its bottom that lies there, and the seam has no wall to run into. Every
-sheet has one unused vertex far below, so that its hull has a volume.
+sheet has one unused vertex far below it, so that its hull has a volume.
 """
 
 from __future__ import annotations

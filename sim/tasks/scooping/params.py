@@ -65,8 +65,7 @@ CONTEXT = Space(
 """Place of the middle of the piece's near side on the table, in the base frame.
 
 The centres of the largest pieces of training lie in the 8 x 6 cm of the public code, X 0.64 to 0.72 m. The near side
-decides where the blade starts, so a piece of any size is scooped alike.
-"""
+decides where the blade starts, so a piece of any size is scooped alike."""
 
 ACTION = Space(
     (
@@ -131,8 +130,8 @@ LIP_M = 0.0002
 """
 
 SQUARE_LIP_M = 0.0011
-"""The highest lip, a square edge without a bevel: the underside lies 0.1 mm above the corners that ride on the table,
-so that only these touch."""
+"""The highest lip, which is a square edge without a bevel. The underside lies 0.1 mm above the corners that ride on the
+table, so that only these touch it."""
 
 EDGE_STIFFNESS_N_M = 2e5
 """Stiffness of each corner of the edge against the table in training: nearly rigid."""
@@ -152,7 +151,7 @@ HOME_PITCH_RAD = -0.10
 
 @dataclass(frozen=True)
 class ScoopingUnmodelled:
-    """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
+    """Effects of a lab's world that no simulation parameter expresses. The defaults are those of the training scene."""
 
     semi_axis_scale: tuple[float, float] = (1.0, 1.0)  # half widths of the piece along X and Y, relative to its radius
     density_scale: float = 1.0
@@ -199,7 +198,8 @@ class ScoopingUnmodelled:
         return self.edge[1]
 
     def friction_of_blade(self, mu: float) -> float:
-        """The blade's coefficient that gives a pair of `second_friction_scale * mu` with a piece of coefficient `mu`.
+        """The coefficient of the blade with which the pair of blade and piece (coefficient `mu`) has
+        `second_friction_scale * mu`.
 
         Drake combines two coefficients harmonically, 2ab / (a + b), so a pair never exceeds 2 mu.
         """
@@ -218,12 +218,12 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "edge": ((LIP_M, 1.5e3), (SQUARE_LIP_M, 4e3)),
     "contact": ("sap", "lagged"),
 }
-"""The plausible range of each effect; for the contact law, training's and the other one."""
+"""The plausible range of each effect. The contact law is that of training or the other one."""
 
 
 STEP_S = 0.0025
 BLUNT_STEP_S = 0.001
-"""Time step with a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
+"""Time step if the lip is higher than in training, so that a piece has to climb it (docs/decisions/0012)."""
 
 
 def time_step_s(unmodelled: ScoopingUnmodelled | None) -> float:

@@ -4,10 +4,10 @@ The tool frame T sits on the top face of the blade at the middle of its leading 
 the edge, Y to the left, Z up from the face. Pitch is about +Y: positive holds the edge down and the handle up.
 
 The paper prescribes velocities of the wrist point F (A4.1; knots of the public code). Taken literally, they command the
-edge up to 11 mm into the table, which stops a real arm with a reflex. So X and pitch are the paper's, and the height of
-the edge is the paper's, but lifted so that it goes at most `DEPTH_LIMIT_M` below the table. There the arm's compliance
-matters: `VERTICAL_STIFFNESS_N_M` is that of a Franka under its default joint impedance (3000, 2500 and 2000 Nm/rad in
-joints 2, 4, 6 with levers of about 0.75, 0.4 and 0.25 m).
+edge up to 11 mm into the table, which stops a real arm with a reflex. So X and pitch are those of the paper. The height
+of the edge is that of the paper too, but lifted so that the edge is commanded at most `DEPTH_LIMIT_M` below the table.
+There the arm's compliance matters: `VERTICAL_STIFFNESS_N_M` is that of a Franka under its default joint impedance
+(3000, 2500 and 2000 Nm/rad in joints 2, 4, 6 with levers of about 0.75, 0.4 and 0.25 m).
 """
 
 from __future__ import annotations

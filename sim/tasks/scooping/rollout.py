@@ -152,8 +152,8 @@ def _off_blade(now: Moment) -> bool:
 
 
 def track_of(readings: Readings, motion: ToolMotion) -> ObjectTrack:
-    """The readings; before the first one the piece is held, after the last one it moves with the table or tool on which
-    it lies.
+    """The track from the readings. Before the first reading the piece is held; after the last one it moves with the
+    table or tool on which it lies.
     """
     t_s, p_BO_m, p_TO_m = readings.t_s, readings.p_BO_m, readings.p_TO_m
     outcome = Outcome.SOLVER_FAILED if readings.failure else _outcome(p_BO_m[-1], p_TO_m)
@@ -199,7 +199,7 @@ def end_state(track: ObjectTrack) -> Array:
 
 
 def reward_of_success(end_in_tool_m: Array, context: Array) -> Array:
-    """1 - 0.2 min(1, distance from the blade's centre / 5 cm) (public code), for (..., 2) -> (...)."""
+    """1 - 0.2 min(1, distance from the blade's centre / 5 cm), for (..., 2) -> (...); from the public code."""
     distance_m = np.hypot(end_in_tool_m[..., 0] + BLADE_LENGTH_M / 2, end_in_tool_m[..., 1])
     return 1.0 - _FAR_COST * np.minimum(1.0, distance_m / _FAR_M)
 

@@ -1,7 +1,8 @@
 """The motion of the tool's carriage in a training rollout: forward, up and pitch, each by a spring and a damper.
 
-An arm yields in all three at once: a push upwards also rotates the tool, and so moves it forward. But at one point, the
-centre of compliance, the three are independent, and the springs act there. They are part of Drake's implicit solver.
+An arm yields in all three at once, because a push upwards also rotates the tool and so moves it forward. But there is
+one point, the centre of compliance, at which the three are independent, and the springs act there. They are part of
+Drake's implicit solver.
 """
 
 from __future__ import annotations

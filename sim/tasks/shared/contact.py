@@ -56,20 +56,24 @@ def keep_apart(scene_graph: SceneGraph, pairs: Iterable[tuple[GeometryId, Geomet
 def material(
     friction: float, stiffness_N_m: float | None = None, dissipation_s_m: float = HUNT_CROSSLEY_S_M
 ) -> ProximityProperties:
-    """Friction and dissipation; a pair of two coefficients a and b has 2ab / (a + b), and the softer's dissipation."""
+    """Friction and dissipation. A pair with coefficients a and b has the coefficient 2ab / (a + b), and the dissipation
+    of the softer one.
+    """
     properties = ProximityProperties()
     AddContactMaterial(dissipation_s_m, stiffness_N_m, CoulombFriction(friction, friction), properties)
     return properties
 
 
 def relaxing(properties: ProximityProperties, relaxation_time_s: float) -> ProximityProperties:
-    """Set a relaxation time, which matters under "sap": a pair has the sum of both; unset, it is 100 ms."""
+    """Set a relaxation time, which matters under "sap". A pair has the sum of both times; a time that is not set is 100
+    ms.
+    """
     properties.AddProperty("material", "relaxation_time", relaxation_time_s)
     return properties
 
 
 def rigid(friction: float) -> ProximityProperties:
-    """A rigid material with relaxation time 0, so that a pair has that of the other material."""
+    """A rigid material with relaxation time 0, so that a pair has the time of the other material."""
     properties = relaxing(material(friction), 0.0)
     AddRigidHydroelasticProperties(1.0, properties)
     return properties

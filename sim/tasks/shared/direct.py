@@ -1,13 +1,12 @@
-"""A task's scene in Drake without an arm: rollouts, in which a carriage drives the tool, and the tool's mesh."""
+"""Rollouts of a task's scene in Drake without an arm: a carriage drives the tool."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
@@ -20,7 +19,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import Context
 from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
@@ -28,8 +27,6 @@ from sim.tasks.hardware import BuildScene
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.contact import keep_apart, vector
 from sim.tasks.shared.readings import Course, Moment, Velocity
-from sim.tasks.task import Task
-from sim.types import merged
 
 CARRIAGE = "carriage"
 _JOINTS = ("forward", "up", "pitch")
@@ -38,8 +35,8 @@ _JOINTS = ("forward", "up", "pitch")
 class Drake:
     """A scene at the start of a course, as `sim.tasks.shared.readings.Physics`.
 
-    A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
-    whether the step at a reading has been taken.
+    A step at time t gives the state at t + dt. The clock runs half a step early, so that rounding never decides whether
+    the step of a reading has been taken.
     """
 
     def __init__(
@@ -75,28 +72,6 @@ class Drake:
     def _velocity(self, body: RigidBody) -> Velocity:
         V = body.EvalSpatialVelocityInWorld(self._state)
         return V.translational(), V.rotational()
-
-
-def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
-    """(vertices (V, 3) in the tool frame T in m, triangles (F, 3)) of the tool as designed, unbent.
-
-    Raises NoHardware.
-    """
-    hardware = task.require_hardware()
-    config = MultibodyPlantConfig(time_step=hardware.time_step_s(None), use_sampled_output_ports=False)
-    plant, _ = AddMultibodyPlant(config, DiagramBuilder())
-    parameters = task.parameters.middle
-    nuisance = task.nuisance.middle
-    bodies = hardware.build_scene(plant, plant.world_frame(), np.eye(4), parameters, nuisance, None)
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-    X_TW = plant.GetBodyByName(bodies.tool).EvalPoseInWorld(context).inverse()
-    parts = []
-    for visual in bodies.visuals:
-        if visual.body not in ("world", bodies.object):
-            X_TV = (X_TW @ plant.GetBodyByName(visual.body).EvalPoseInWorld(context)).GetAsMatrix4()
-            parts.append((visual.vertices_m @ X_TV[:3, :3].T + X_TV[:3, 3], visual.triangles))
-    return merged(parts)
 
 
 def add_carriage(plant: MultibodyPlant, drive: Drive) -> Frame:

@@ -1,4 +1,4 @@
-"""A rollout independent of its physics: its start, its poses every 20 ms, and its end."""
+"""A rollout without its physics: its start, its poses every 20 ms, and its end."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ READ_EVERY_S = 0.020
 _STILL_READINGS = round(REST_S / READ_EVERY_S) + 1
 """This many readings in a row span `REST_S`.
 
-One alone is not rest: an object that rolls to and fro is still at each turning point.
-"""
+A single reading is not enough, because an object that rolls to and fro is still at each turning point."""
 
 
 Velocity = tuple[Array, Array]

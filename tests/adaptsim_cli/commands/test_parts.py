@@ -15,7 +15,7 @@ from perception.raycasting import load_open3d
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
 from sim.tasks.scooping import TASK as SCOOPING
-from sim.tasks.shared.direct import tool_mesh
+from sim.tasks.shared.tool_mesh import tool_mesh
 from sim.types import Part
 
 

@@ -49,11 +49,16 @@ def test_differences_are_paired_by_world_and_repeats_count_once():
     assert by_strata(single) == by_strata(rows())
 
 
-def test_without_the_default_a_rule_or_a_limit_there_are_no_strata():
-    for missing in ("adaptsim", "best-action"):
-        left = [r for r in rows() if r.method not in {missing, "oracle" if missing == "best-action" else missing}]
-        assert by_strata(left) is None
-    assert by_strata([r for r in rows() if r.method not in ("udr", "second-action")]) is None
+def test_without_a_limit_nobody_knows_the_need_and_all_worlds_are_one_stratum():
+    summary = by_strata([r for r in rows() if r.method not in {"best-action", "oracle"}])
+    assert (summary.need, summary.worth) == ((), ())
+    whole = [one for one in by_strata(rows()).strata if one.stratum == ALL]
+    assert list(summary.strata) == [one for one in whole if one.entry not in {"best-action", "oracle"}]
+
+
+@pytest.mark.parametrize("missing", [{"adaptsim"}, {"udr", "second-action"}])
+def test_without_the_default_or_a_fixed_rule_there_are_no_strata(missing):
+    assert by_strata([r for r in rows() if r.method not in missing]) is None
 
 
 def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():

@@ -38,7 +38,7 @@ def main() -> None:
     world, checkpoint = load_world(options.world, task), load_checkpoint(task, "default")
     with rig_in_lab(task, world, options.seed) as (_, rig):
         rollouts = SimulatedTrials(checkpoint.solver, world, rig.executable)
-        places = {"rollouts": rollouts, "whole lab": InLab(rig, rollouts, rig.executable)}
+        places: dict[str, TrialSource] = {"rollouts": rollouts, "whole lab": InLab(rig, rollouts, rig.executable)}
         later_s = dict.fromkeys(places, 0.0)
         for name, trials in places.items():
             for number, spent_s in enumerate(iterations_s(checkpoint, trials, options.iterations, options.seed), 1):
@@ -62,7 +62,7 @@ def processor_s() -> float:
     """Of this process and of its living children."""
     processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
     times = [process.cpu_times() for process in processes]
-    return sum(one.user + one.system for one in times)
+    return float(sum(one.user + one.system for one in times))
 
 
 if __name__ == "__main__":

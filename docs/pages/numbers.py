@@ -140,7 +140,8 @@ def sealed_lead(name: str, entry: str, *, stratum: str = ALL, end: int = 0) -> f
 
 
 def sealed_worlds(name: str) -> int:
-    return len(sealed_summary(name)[1].worth)
+    """Number of worlds of a sealed benchmark."""
+    return sealed_summary(name)[1].strata[0].worlds
 
 
 def sealed_need(name: str) -> int:

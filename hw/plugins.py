@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -60,16 +59,12 @@ class Offer:
 @cache
 def offers(group: str) -> tuple[Offer, ...]:
     """The entry points of a group, by name and package."""
-    entries = {
-        Offer(
-            group,
-            entry.name,
-            entry.value,
-            entry.dist.name if entry.dist else "?",
-            entry.dist.version if entry.dist else "?",
-        )
-        for entry in entry_points(group=group)
-    }
+    from importlib.metadata import entry_points  # noqa: PLC0415 - most commands use what is ours
+
+    entries = set[Offer]()
+    for entry in entry_points(group=group):
+        package, version = (entry.dist.name, entry.dist.version) if entry.dist else ("?", "?")
+        entries.add(Offer(group, entry.name, entry.value, package, version))
     return tuple(sorted(entries, key=lambda offer: (offer.name, offer.package, offer.value)))
 
 
@@ -95,6 +90,10 @@ class Registry(Generic[Thing]):
     def names(self) -> tuple[str, ...]:
         """Our names, then those of installed packages."""
         return tuple(dict.fromkeys((*self.ours, *(offer.name for offer in offers(self.group)))))
+
+    def __contains__(self, name: str) -> bool:
+        """Whether `names` has it; one of ours is found without reading the entry points of every package."""
+        return name in self.ours or self.offer(name) is not None
 
     def get(self, name: str) -> Thing:
         """The thing called `name`. Raises `error`, naming all there are, or the fault of the package."""
@@ -130,7 +129,7 @@ class Registry(Generic[Thing]):
 
     def offer(self, name: str) -> Offer | None:
         """The first package's offer of that name; None if no package offers it, or if the name is ours."""
-        return next((one for one in offers(self.group) if one.name == name and name not in self.ours), None)
+        return None if name in self.ours else next((one for one in offers(self.group) if one.name == name), None)
 
     def clashing(self) -> tuple[str, ...]:
         """A sentence for each offered name that is one of ours, or that two packages offer."""

@@ -32,10 +32,10 @@ def missing_libraries() -> str:
 
 
 def load_open3d() -> Any:
-    """Import Open3D without its plots for notebooks, which import plotly and dash; `make setup` leaves both out.
+    """Import Open3D without its plots for notebooks, which import plotly and dash.
 
-    Where they are installed, they would start a web framework: 0.3 s and 30 MB in every process. Raises OSError with
-    the command that installs what the system lacks.
+    These would start a web framework: 0.3 s and 30 MB in every process. Raises OSError with the command that installs
+    what the system lacks.
     """
     if "open3d" not in sys.modules:
         plots = ModuleType(_PLOTS, "Left out: see perception.raycasting.")

@@ -21,7 +21,10 @@ def require_own(store: SessionStore) -> None:
     """Raises UsageError for a session in the simulated lab or on an arm of ours."""
     facts = store.facts
     if not config.is_own(facts.hw):
-        raise UsageError(f"session {facts.name!r} has hw = {facts.hw}: only a session with hw = own asks and is told")
+        raise UsageError(
+            f"session {facts.name!r} has hw = {facts.hw}, so it makes its trials itself: call run() or "
+            f'run_iteration(). To make them yourself, begin one with adaptsim.begin("{facts.task}", hw="own")'
+        )
 
 
 def open_trials(store: SessionStore) -> tuple[Question, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptsim_cli.api.tables import Plot, data_frame, empty_figure, html_table
 from adaptsim_cli.config import is_simulated
-from adaptsim_cli.screen.views import chances_in_words
+from adaptsim_cli.screen.views import chances_in_words, values
 from adaptsim_cli.session.hindsight import Hindsight
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
@@ -25,7 +25,7 @@ DRAWN = 500
 BINS = 24
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SessionPosterior(Posterior):
     """`Posterior` of a session: the probability of each parameter vector, given the trajectories."""
 
@@ -34,6 +34,9 @@ class SessionPosterior(Posterior):
     ranges: Space  # the trained ranges of the parameters; `space` has the margin around them
     prior: Posterior  # before the first trial
     truth: Array | None  # (p,) in units, of a simulated world; None: unknown
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.session!r}: {self.trials} trials, mean {values(self.space, self.mean)})"
 
     def plot(self) -> Plot:
         """A pair plot of the posterior, with the prior in grey and, in a simulated world, the truth as a cross.

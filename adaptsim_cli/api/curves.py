@@ -9,14 +9,14 @@ from adaptsim_cli.api.tables import Plot, Rows, empty_figure
 from adaptsim_cli.screen.outputs.sessions import ParameterBelief
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.history import trials_of
-from adaptsim_cli.session.judgement import MeanReward, mean_of, trial_std
+from adaptsim_cli.session.judgement import MeanReward, iteration_means
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show.comparison import ComparedSession, disagreements
 
 
 class LearningCurve(Rows):
-    """A row for each iteration: the number of trials so far, the mean reward of this iteration's trials, and its 95 %
-    interval.
+    """A row for each complete iteration: the number of trials so far, the mean reward of this iteration's trials, and
+    its 95 % interval.
     """
 
     def __init__(self, session: str, rows: Sequence[Row]) -> None:
@@ -44,18 +44,20 @@ class SessionComparison(Rows):
         """The learning curves of all sessions. Raises ExtraMissing without matplotlib."""
         return _drawn(self.curves, axes)
 
+    def __repr__(self) -> str:
+        return "\n".join([repr(self._short()), *self.disagreements])
+
     def _repr_html_(self) -> str:
+        return self._short()._repr_html_() + "".join(f"<p>{sentence}</p>" for sentence in self.disagreements)
+
+    def _short(self) -> Rows:
         names = ("session", "method", "world", "seed", "trials", "first_reward", "last_reward", "last_low", "last_high")
-        short = Rows({name: row[name] for name in names} for row in self)
-        return short._repr_html_() + "".join(f"<p>{sentence}</p>" for sentence in self.disagreements)
+        return Rows({name: row[name] for name in names} for row in self)
 
 
 def curve_of(store: SessionStore) -> LearningCurve:
     """The learning curve of a stored session. Raises SessionError."""
-    trials, std = trials_of(store), trial_std(store.facts.task)
-    numbers = sorted({trial.iteration for trial in trials})
-    means = [mean_of([trial.reward for trial in trials if trial.iteration == number], std) for number in numbers]
-    return LearningCurve(store.facts.name, _rows(means))
+    return LearningCurve(store.facts.name, _rows(iteration_means(store.facts, trials_of(store))))
 
 
 def _rows(means: Sequence[MeanReward]) -> list[Row]:

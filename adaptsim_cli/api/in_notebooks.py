@@ -8,6 +8,7 @@ from html import escape
 from adaptsim_cli.api.curves import curve_of
 from adaptsim_cli.api.tables import html_table
 from adaptsim_cli.screen.views import between
+from adaptsim_cli.session.advice import gain_in_words
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import figures
 from adaptsim_cli.show.figures import Level
@@ -25,10 +26,7 @@ def session_in_html(store: SessionStore, title: str, verdict: str) -> str:
     curve = curve_of(store)
     if not curve:
         return f"<p>{escape(title)}</p>"
-    first, last = (float(curve[index]["mean_reward"]) for index in (0, -1))
-    earned = f"Mean reward {first:.2f} in the first iteration"
-    if len(curve) > 1:
-        earned += f", {last:.2f} in iteration {curve[-1]['iteration']}"
+    earned = gain_in_words([float(row["mean_reward"]) for row in curve])
     sentences = [f"<b>{earned}.</b>", escape(verdict)]
     body = [
         [

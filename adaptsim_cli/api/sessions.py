@@ -54,6 +54,11 @@ class BestAction:
     parameters: Mapping[str, float]  # the best parameters of the simulator, by name, in units
     units: Mapping[str, str]  # of all of them
 
+    def __str__(self) -> str:
+        low, high = self.interval
+        named = (f"{name} = {value:.3g} {self.units[name]}".rstrip() for name, value in self.action.items())
+        return f"{', '.join(named)}: predicted reward {self.reward:.2f} (95 % {low:.2f} to {high:.2f})"
+
     def _repr_html_(self) -> str:
         from adaptsim_cli.api.tables import html_table
 

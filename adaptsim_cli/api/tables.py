@@ -18,18 +18,38 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SHOWN = 30
-"""Rows that a notebook shows; the list has all of them."""
+"""Rows that are shown; the list has all of them."""
+
+WIDEST, LONGEST = 120, 40
+"""Characters of a printed line, and of one of its cells."""
 
 
 class Rows(list[Row]):
-    """A list of flat rows (name -> number or word) that a notebook shows as a table."""
+    """A list of flat rows (name -> number or word) that is shown as a table, printed or in a notebook."""
 
     def to_pandas(self) -> DataFrame:
         """The rows as a data frame. Raises ExtraMissing without pandas."""
         return data_frame(list(self))
 
+    @property
+    def columns(self) -> list[str]:
+        """The names in any row, in their order."""
+        return list(dict.fromkeys(name for row in self for name in row))
+
+    def __repr__(self) -> str:
+        if not self:
+            return "no rows"
+        names, shown = self.columns, self[:SHOWN]
+        cells = [[name, *(_clipped(_in_short(row.get(name, ""))) for row in shown)] for name in names]
+        padded = [[cell.ljust(max(map(len, column))) for cell in column] for column in cells]
+        while len(padded) > 1 and sum(len(column[0]) + 2 for column in padded) > WIDEST:
+            padded.pop()
+        lines = ["  ".join(line).rstrip() for line in zip(*padded, strict=True)]
+        rest = [(len(self) - len(shown), "row"), (len(names) - len(padded), "column")]
+        return "\n".join([*lines, *(f"… and {count} more {what}{'s' * (count != 1)}" for count, what in rest if count)])
+
     def _repr_html_(self) -> str:
-        columns = list(dict.fromkeys(name for row in self for name in row))
+        columns = self.columns
         more = f"<p>… and {len(self) - SHOWN} more rows</p>" if len(self) > SHOWN else ""
         return html_table(columns, [[row.get(name, "") for name in columns] for row in self[:SHOWN]]) + more
 
@@ -79,6 +99,10 @@ def html_table(head: list[str], body: list[list[Any]]) -> str:
     cells = "".join(f"<th>{escape(name)}</th>" for name in head)
     rows = ("".join(f"<td>{escape(_in_short(value))}</td>" for value in row) for row in body)
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{''.join(f'<tr>{row}</tr>' for row in rows)}</tbody></table>"
+
+
+def _clipped(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def _in_short(value: Any) -> str:

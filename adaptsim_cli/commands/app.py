@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli.commands.rows import CommandGroup, CommandRow
+from adaptsim_cli.commands.rows import HELP, CommandGroup, CommandRow
 from adaptsim_cli.screen import loading
 from adaptsim_cli.screen.exit_codes import documented_errors, exit_code
 from adaptsim_cli.screen.pages import addressed
@@ -152,11 +152,11 @@ app = typer.Typer(
     epilog=EXIT_CODES,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": list(HELP)},
 )
 
 
-_QUICK = frozenset(("-h", "--help", "--version"))
+_QUICK = frozenset((*HELP, "--version"))
 """Options that load nothing else."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -11,6 +11,9 @@ from typing import Any, ClassVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+HELP = ("-h", "--help")
+"""The names of the option that shows the help."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,12 @@ class CommandGroup(TyperGroup):
         super().__init__(**words)
         self._is_listing = False
         self.commands = _Commands(self.panels)  # type: ignore[assignment]
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """See typer; a flag of the program shows no type either."""
+        options: list[Any] = super().get_params(ctx)
+        _without_types(options)
+        return options
 
     def list_commands(self, ctx: Any) -> list[str]:
         """See typer. The order is that of `panels`; groups do not come after commands."""
@@ -105,11 +114,16 @@ def _loaded(name: str, panel: str, row: CommandRow) -> Any:
 
 def _name_no_type_of_flags(command: Any) -> None:
     """A flag takes no value, so its help shows none."""
-    for option in command.params:
-        if getattr(option, "is_flag", False):
-            option.metavar = ""
+    named = typer.Context(command, help_option_names=list(HELP))
+    _without_types([*command.params, command.get_help_option(named)])  # the command keeps its option of help
     for inner in getattr(command, "commands", {}).values():
         _name_no_type_of_flags(inner)
+
+
+def _without_types(options: Sequence[Any]) -> None:
+    for option in options:
+        if getattr(option, "is_flag", False):
+            option.metavar = ""
 
 
 def _unwrapped(doc: str | None) -> str:

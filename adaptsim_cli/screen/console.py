@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.text import Text
 
@@ -34,6 +32,7 @@ from sim.errors import ClusterUnavailable, NotExecutable, RolloutError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+    from rich.progress import TaskID
 
 
 ANSWERING = "answering"
@@ -242,6 +241,8 @@ class Screen:
     @contextmanager
     def _waiting(self, what: str, began: float) -> Iterator[None]:
         if self._live:
+            from rich.live import Live
+
             waiting = Live(
                 get_renderable=lambda: views.waiting(what, time.monotonic() - began),
                 console=self._console,
@@ -259,6 +260,8 @@ class Screen:
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:
         """Yields `update(stage, done, total)`: a bar per stage on a terminal, else a line every tenth."""
         if self._live:
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
             with Progress(*columns, console=self._console) as bars:
                 rows: dict[str, TaskID] = {}

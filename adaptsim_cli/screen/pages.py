@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 
 import adaptsim_cli
@@ -24,6 +23,8 @@ def _has_documents() -> bool:
 @cache
 def _documents() -> str:
     """The address of the repository's files, with a slash at its end; "" if the package's metadata do not give it."""
+    from importlib import metadata  # with its parser of e-mails, a twentieth of a short command
+
     for line in metadata.metadata("adaptsim").get_all("Project-URL") or ():
         label, _, address = line.partition(", ")
         if label == "Source":

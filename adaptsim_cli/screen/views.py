@@ -22,7 +22,6 @@ from adaptsim_cli.errors import UsageError
 from hw.types import Array, JointPath
 
 if TYPE_CHECKING:
-    from hw.types import Array
     from sim.tasks.task import Task
     from sim.types import Dimension, Space
 
@@ -53,11 +52,11 @@ def point(space: Space, words: Sequence[str], otherwise: Array, what: str) -> Ar
             near = difflib.get_close_matches(name, space.names, n=1)
             hint = f"did you mean {near[0]}? " if near and near[0] != name else ""
             raise UsageError(f"{what} {text!r}: {hint}write name=value, e.g. {_examples(space)}")
+        dimension = space.dimensions[space.names.index(name)]
         try:
-            values[name] = _number(space.dimensions[space.names.index(name)], number)
+            values[name] = float(dimension.words.index(number) if number in dimension.words else number)
         except ValueError:
             raise UsageError(f"{what} {text!r}: {number!r} is not a number") from None
-        dimension = space.dimensions[space.names.index(name)]
         if not dimension.low <= values[name] <= dimension.high:
             raise UsageError(
                 f"{what} {dimension.label} = {values[name]:g} lies outside of [{dimension.low:g}, {dimension.high:g}]: "
@@ -109,21 +108,31 @@ def predicted_between(low: float, high: float) -> str:
     return interval if interval != NO_INTERVAL else f"{interval}: all simulators that may be true predict the same"
 
 
-def _number(dimension: Dimension, text: str) -> float:
-    """A number, or the index of a word of a category. Raises ValueError."""
-    return float(dimension.words.index(text)) if text in dimension.words else float(text)
-
-
 def quantity(value: float, unit: str) -> str:
     """A number with its unit for people; a length to the millimetre at least: −1.0 mm, 0.680 m."""
+    factor, short = _scale(value, unit)
+    is_length = unit == "m" and value
+    shown = f"{factor * value:.{1 if short == 'mm' else 3}f}" if is_length else number(factor * value)
+    return with_signs(f"{shown} {short}".rstrip())
+
+
+def span(low: float, high: float, unit: str) -> str:
+    """A range with the unit of the values in it: `10 to 500 kPa`, `0 to 60 mm`."""
+    factor, short = scale_within(low, high, unit)
+    return with_signs(f"{number(factor * low)} to {number(factor * high)} {short}".rstrip())
+
+
+def scale_within(low: float, high: float, unit: str) -> tuple[float, str]:
+    """The factor and the unit in which people read the values between `low` and `high`."""
+    return _scale(0.99 * max(low, high, key=abs), unit)  # an end itself may have the next larger unit
+
+
+def _scale(value: float, unit: str) -> tuple[float, str]:
     if unit == "m" and 0 < abs(value) < 0.1:
-        return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ").replace("-", "−")
-    if unit == "m" and abs(value) >= 0.1:
-        return f"{value:.3f} m".replace("-", "−")
+        return 1e3, "mm"
     if unit == "Pa" and abs(value) >= 1e3:
-        large = "MPa" if abs(value) >= 1e6 else "kPa"
-        return f"{value / (1e6 if large == 'MPa' else 1e3):.3g} {large}"
-    return f"{number(value)} {unit}".rstrip().replace("-", "−" if "e-" not in number(value) else "-")
+        return (1e-6, "MPa") if abs(value) >= 1e6 else (1e-3, "kPa")
+    return 1.0, unit
 
 
 def _examples(space: Space) -> str:
@@ -180,7 +189,7 @@ def values(space: Space, point: Array) -> str:
 
 
 def kinds(dimension: Dimension) -> str:
-    """The range of a quantity with its unit, or the words of a category."""
+    """The range of a quantity in the unit that commands take, or the words of a category."""
     if dimension.kinds:
         return ", ".join(dimension.kinds[round(dimension.low) : round(dimension.high) + 1])
     return f"{number(dimension.low)} to {number(dimension.high)} {dimension.unit}".rstrip()
@@ -189,7 +198,7 @@ def kinds(dimension: Dimension) -> str:
 def meanings(task: Task, *, with_symbols: bool) -> RenderableType:
     """The quantities of a task under three headings: name, range with its unit, and meaning.
 
-    `with_symbols` adds the names that commands take, and the nuisance.
+    `with_symbols` adds the names that commands take, and the nuisance; ranges then have the units of commands.
     """
     groups = [
         ("Simulation parameters: unknown, the session estimates them", task.parameters),
@@ -204,7 +213,7 @@ def meanings(task: Task, *, with_symbols: bool) -> RenderableType:
         if len(space):
             symbols = [(d.name,) if with_symbols else () for d in space.dimensions]
             body = [
-                (d.plain_name, *symbol, kinds(d), d.meaning)
+                (d.plain_name, *symbol, kinds(d) if with_symbols or d.kinds else span(d.low, d.high, d.unit), d.meaning)
                 for d, symbol in zip(space.dimensions, symbols, strict=True)
             ]
             parts += [Text(""), Text(title, style="bold"), rows(head, body)]

@@ -159,15 +159,15 @@ _ORDINALS = ("first", "second", "third", "fourth", "fifth")
 
 
 def gain_in_words(rewards: Sequence[float]) -> str:
-    """The mean rewards (n,) of the first and the last complete iteration: 0.46 in the first iteration, 0.91 in the
-    second.
+    """The mean rewards (n,) of the first and the last complete iteration: Mean reward 0.46 in the first iteration, 0.91
+    in the second.
     """
     first, *others = (f"{reward:.2f}" for reward in rewards)
     if not others:
-        return f"{first} in the first iteration"
+        return f"Mean reward {first} in the first iteration"
     last = len(rewards)
     where = f"the {_ORDINALS[last - 1]}" if last <= len(_ORDINALS) else f"iteration {last}"
-    return f"{first} in the first iteration, {others[-1]} in {where}"
+    return f"Mean reward {first} in the first iteration, {others[-1]} in {where}"
 
 
 def best_in_words(best: BestRecord, parameters: str, confirmed: Sequence[float] = ()) -> str:

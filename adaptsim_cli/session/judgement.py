@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptsim_cli.session.records import SessionFacts, TrialRecord
 from hw.types import Array
 from sim.adaptation.posterior import Posterior
 from sim.tasks import known_task
@@ -94,3 +95,17 @@ def mean_of(rewards: Sequence[float], std: float) -> MeanReward:
     mean = float(np.mean(rewards))
     half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
     return MeanReward(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))
+
+
+def iteration_means(facts: SessionFacts, trials: Sequence[TrialRecord]) -> tuple[MeanReward, ...]:
+    """The mean reward of each complete iteration, from the session's own counting `trials`; before the first one is
+    complete, that of its trials so far.
+    """
+    std, whole = trial_std(facts.task), facts.particles * facts.trials
+    rewards: dict[int, list[float]] = {}
+    for trial in trials:
+        rewards.setdefault(trial.iteration, []).append(trial.reward)
+    first = min(rewards, default=0)
+    return tuple(
+        mean_of(values, std) for number, values in sorted(rewards.items()) if number == first or len(values) >= whole
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,6 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.advice import (
-    ENOUGH_ITERATIONS,
     HEADLINES,
     best_in_words,
     check_first,
@@ -50,13 +50,12 @@ def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: st
 def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
     """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
-    numbers = facts.layout.numbers(stage.iteration)
-    place = f"{stage.key.number - numbers.start + 1} of {len(numbers)} in this iteration"
+    place = _place(facts, stage)
     left = f", about {left_s / 60.0:.0f} min left" if left_s >= 60.0 else ""
     head = Text.assemble(
         views.mark(views.RECORDED if facts.recorded else facts.hw),
-        (f" Trial {stage.key.number}{_of_session(facts, stage)}", "bold"),
-        f"{again}   {place}, particle {stage.particle + 1}{left}",
+        (f" Trial {stage.key.number}", "bold"),
+        f"{again}   {place}{left}",
     )
     if stage.role is not Role.ALONE:
         blind = (
@@ -64,18 +63,21 @@ def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, 
         )
         return Group(Text(""), head, views.indent(Text(blind, style="dim")))
     why = (
-        f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
+        f"The task policy was trained for {views.sampled(task.parameters, particle.samples)}"
         if len(particle.samples) == 1
         else f"The task policy was trained for {len(particle.samples)} parameter sets over their ranges, "
-        f"mean {views.values(task.parameters, particle.mean)}"
+        f"mean {views.sampled(task.parameters, particle.samples)}"
     )
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
 
-def _of_session(facts: SessionFacts, stage: RunTrial) -> str:
-    """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
-    trials = facts.layout.numbers((1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS) - 1).stop - 1
-    return f" of {trials}" if stage.key.number <= trials else ""
+def _place(facts: SessionFacts, stage: RunTrial) -> str:
+    """The place of a trial in its iteration, and its particle; a rollout adapts nothing, so it has neither."""
+    numbers = facts.layout.numbers(stage.iteration)
+    counted = f"{stage.key.number - numbers.start + 1} of {len(numbers)}"
+    if facts.method == ROLLOUT:
+        return counted
+    return f"{counted} in iteration {stage.iteration + 1}, particle {stage.particle + 1}"
 
 
 def proposal(task: Task, trial: MotionRecord, summary: str) -> RenderableType:
@@ -134,11 +136,11 @@ def adapted(
 
     `recordings` is the folder of recorded trials; "" for new trials.
     """
-    means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
-    if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):
-        tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
+    pairs = [(now.samples, then.samples) for now, then in zip(before, after, strict=True)]
+    if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(pairs):
+        tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(pairs)]
     else:
-        tables = [_changes(task.parameters, means, first=0)]
+        tables = [_changes(task.parameters, pairs, first=0)]
     amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
     now = views.values(task.parameters, np.array([result.best.params[name] for name in task.parameters.names]))
     best = Text(best_in_words(result.best, now))
@@ -180,30 +182,38 @@ def _style(result: ResultRecord) -> str:
     return "bold" if result.outlook is not None and result.outlook.done else ""
 
 
-def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> Table:
+def _changes(space: Space, pairs: Sequence[tuple[Array, Array]], first: int) -> Table:
+    """Samples (m, p) of each particle before and after."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("parameter")
-    for index in range(len(means)):
+    for index in range(len(pairs)):
         table.add_column(f"particle {first + index + 1}", justify="right")
         table.add_column("", justify="left")
     for row, dimension in enumerate(space.dimensions):
-        cells: list[RenderableType] = [Text(dimension.title)]
-        for now, then in means:
-            cells += _change(dimension, now[row], then[row])
+        factor, unit = views.scale_within(dimension.low, dimension.high, dimension.unit)
+        cells: list[RenderableType] = [Text(replace(dimension, unit=unit).title)]
+        for before, after in pairs:
+            cells += _change(dimension, before[:, row], after[:, row], factor)
         table.add_row(*cells)
     return table
 
 
-def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
+def _change(dimension: Dimension, before: Array, after: Array, factor: float) -> tuple[Text, Text]:
+    """The mean of samples (m,) before and after, times `factor`; for a category, the share of each word."""
+    if dimension.kinds:
+        words, new = (views.sampled_in_words(dimension, one) for one in (before, after))
+        if words == new:
+            return Text(words, style="dim"), Text("=", style="dim")
+        return Text(words), Text(f"→ {new}", style="blue")
+    now, then = float(before.mean()), float(after.mean())
+
+    def number(value: float) -> str:
+        return views.with_signs(views.number(value))
+
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(_bare(dimension, now), style="dim"), Text("=", style="dim")
+        return Text(number(factor * now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(_bare(dimension, now)), Text(f"{'↑' if then > now else '↓'} {_bare(dimension, then)}", style=style)
-
-
-def _bare(dimension: Dimension, value: float) -> str:
-    """A value without its unit."""
-    return views.number(value) if dimension.scale != "integer" else views.value_in_words(dimension, value)
+    return Text(number(factor * now)), Text(f"{'↑' if then > now else '↓'} {number(factor * then)}", style=style)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:

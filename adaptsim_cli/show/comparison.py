@@ -18,7 +18,7 @@ from adaptsim_cli.screen.views import chances_in_words
 from adaptsim_cli.session.advice import check_first, in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.history import results_of, trials_of
-from adaptsim_cli.session.judgement import MeanReward, mean_of, trial_std
+from adaptsim_cli.session.judgement import MeanReward, iteration_means
 from adaptsim_cli.session.records import ResultRecord, SessionFacts, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import figures
@@ -38,7 +38,7 @@ class ComparedSession:
     facts: SessionFacts
     trials: tuple[TrialRecord, ...]  # counting trials, in order
     result: ResultRecord | None  # of the last complete iteration
-    iterations: tuple[MeanReward, ...]  # mean reward of each
+    iterations: tuple[MeanReward, ...]  # of each complete one; see `iteration_means`
     table: tuple[Row, ...]
 
     @property
@@ -271,14 +271,12 @@ def compared_session(store: SessionStore) -> ComparedSession:
     trials = trials_of(store)
     if not trials:
         raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
-    std = trial_std(store.facts.task)
-    iterations = sorted({t.iteration for t in trials})
     results = results_of(store)
     return ComparedSession(
         facts=store.facts,
         trials=trials,
         result=results[-1] if results else None,
-        iterations=tuple(mean_of([t.reward for t in trials if t.iteration == i], std) for i in iterations),
+        iterations=iteration_means(store.facts, trials),
         table=tuple(rows(store)),
     )
 

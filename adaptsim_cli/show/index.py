@@ -16,6 +16,7 @@ from urllib.parse import quote
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.session.about import about
+from adaptsim_cli.session.advice import HEADLINES
 from adaptsim_cli.session.folders import FILM, REPORT, names
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show.comparison import ComparedSession, compared_session, interval_over
@@ -40,8 +41,14 @@ class IndexedSession:
         return tuple(dict.fromkeys(_TAG.findall(self.note)))
 
     @property
+    def verdict(self) -> str:
+        """The headline of its newest verdict; "" before the first one."""
+        result = self.session.result
+        return HEADLINES[result.verdict.kind] if result else ""
+
+    @property
     def curve(self) -> str:
-        """Trials so far, mean reward, and its 95 % interval for every iteration, as JSON."""
+        """Trials so far, mean reward, and its 95 % interval for every complete iteration, as JSON."""
         rows, so_far = list[tuple[float, ...]](), 0
         for one in self.session.iterations:
             so_far += one.trials

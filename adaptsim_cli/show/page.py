@@ -331,7 +331,7 @@ def _correction(facts: SessionFacts, forecast: ForecastRecord | None) -> str:
         return ""
     terms = forecast.noticeable(_described(facts, facts.action))
     signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
-    return ", ".join(signed) or "none"
+    return ", ".join(text.replace(" ", NO_BREAK) for text in signed) or "none"
 
 
 def parameters_in_words(facts: SessionFacts, params: Mapping[str, float]) -> str:

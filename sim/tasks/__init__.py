@@ -44,7 +44,7 @@ def task_names() -> tuple[str, ...]:
 
 def get_task(name: str) -> Task:
     """The task called `name`. Raises UnknownName; TaskError if the file of a task is gone or wrong."""
-    if name in REGISTRY.names():
+    if name in REGISTRY:
         return REGISTRY.get(name)
     task = files.named(name)
     if task is None:
@@ -67,7 +67,7 @@ def known_task(name: str) -> Task | None:
 def task_of_file(text: str) -> Task:
     """The task of `FILE.py` (or `FILE.py:NAME`), found by its name from now on. Raises TaskError."""
     name = files.chosen(text).name
-    if name in REGISTRY.names():
+    if name in REGISTRY:
         raise TaskError(
             f"{text} declares a task {name}, and there is another one of that name: call the function differently"
         )
@@ -86,7 +86,7 @@ def files_of(name: str, kind: Literal["worlds", "checkpoints"]) -> Path:
 
 def declared_worlds(name: str) -> tuple[str, ...]:
     """The worlds that the file of a task declares. No task is imported."""
-    entry = None if name in REGISTRY.names() else files.registered().get(name)
+    entry = None if name in REGISTRY else files.registered().get(name)
     return () if entry is None else entry.worlds
 
 

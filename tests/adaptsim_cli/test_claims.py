@@ -26,7 +26,9 @@ BEST = re.compile(
     r"chosen (?:after (\d+) trials?|before the first trial))\. The simulator now: (.+?)\. (?=[A-Z])"
 )
 VERDICT = re.compile(r"(?:predicted|estimated) reward ([\d.]+) \(95 % (\S+)(?: to ([\d.]+))?")
-GAIN = re.compile(r"(\d\.\d\d in the first iteration(?:, (\d\.\d\d) in the (?:second|third))?); UDR in \S+ (\d\.\d\d)")
+GAIN = re.compile(
+    r"(Mean reward \d\.\d\d in the first iteration(?:, (\d\.\d\d) in the (?:second|third))?); UDR in \S+ (\d\.\d\d)"
+)
 TRIAL = re.compile(
     r"Predicted reward ([\d.]+) \(95 % (?:([\d.]+) to ([\d.]+)|–).*?reward ([\d.]+) \(predicted ([\d.]+)\)"
 )
@@ -102,7 +104,7 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
     assert ("not yet tried" in html) == bool(claims[-1][0])
     means = [np.mean([trial.reward for trial in trials[i * per : (i + 1) * per]]) for i in range(iterations)]
     (sentence, last, of_udr), *_ = GAIN.findall(said)
-    assert sentence.startswith(f"{means[0]:.2f} in the first iteration")
+    assert sentence.startswith(f"Mean reward {means[0]:.2f} in the first iteration")
     assert last == ("" if iterations == 1 else f"{means[-1]:.2f}")
     head = re.search(r'<p class="gain">([^<]+)</p>', html)
     assert head is not None

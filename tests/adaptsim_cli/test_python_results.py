@@ -58,6 +58,7 @@ def test_a_table_of_the_posterior_has_the_truth_beside_it(belief: SessionPosteri
     frame = belief.to_pandas()
     assert list(frame.columns) == [*belief.space.names, "weight"]
     assert frame["weight"].sum() == pytest.approx(1.0)
+    assert repr(belief).startswith(f"SessionPosterior({belief.session!r}: {belief.trials} trials, mean ")
 
 
 def test_rows_become_a_data_frame_and_a_short_table() -> None:
@@ -65,6 +66,17 @@ def test_rows_become_a_data_frame_and_a_short_table() -> None:
     frame = rows.to_pandas()
     assert (len(frame), list(frame.columns)) == (40, ["trial", "reward"])
     assert rows._repr_html_().count("<tr>") == 31 and "and 10 more rows" in rows._repr_html_()
+    head, first, *_, rest = str(rows).splitlines()
+    assert (head.split(), first.split(), rest) == (["trial", "reward"], ["0", "0"], "… and 10 more rows")
+    assert len(str(rows).splitlines()) == 32
+
+
+def test_a_printed_table_fits_a_line_and_names_what_it_leaves_out() -> None:
+    rows = Rows([{f"quantity_{n}": 1 / 3 for n in range(20)} | {"note": 60 * "a"}])
+    *lines, rest = str(rows).splitlines()
+    assert max(map(len, lines)) <= 120 and lines[1].startswith("0.3333 ")
+    assert rest == f"… and {21 - len(lines[0].split())} more columns"
+    assert str(Rows([{"note": 60 * "a"}])).endswith("a…") and str(Rows()) == "no rows"
 
 
 def test_a_learning_curve_draws_means_with_intervals_also_into_given_axes() -> None:

@@ -89,7 +89,7 @@ def test_episodes_are_trials(tmp_path, write):
         (lerobot, '"excess"]', '"pictures"]', "no column 'pictures'"),
         (lerobot, '"excess"]', '"action"]', "has 8 numbers in each row: name one"),
         (lerobot, "state[3]", "state[9]", "is not a number in every row"),
-        (robomimic, "obs/excess", "obs/gripper", "no readable robomimic data set"),
+        (robomimic, "obs/excess", "obs/gripper", "not a readable robomimic data set"),
         (robomimic, "joints[3]", "joints[9]", "is not a number in every row"),
         (robomimic, "joints[3]", "joints[]", "names no column"),
         (robomimic, "rate_hz = 100.0", "rate_hz = 0", "rate_hz"),
@@ -109,5 +109,5 @@ def test_a_damaged_file_is_refused(tmp_path):
     whole = (folder / "demo.hdf5").read_bytes()
     for content in (b"", whole[: len(whole) // 2], whole[:700] + bytes(200) + whole[900:]):
         (folder / "demo.hdf5").write_bytes(content)
-        with pytest.raises(RecordingsRefused, match="no readable robomimic data set"):
+        with pytest.raises(RecordingsRefused, match="not a readable robomimic data set"):
             read_recorded(TASK, folder)

@@ -247,7 +247,7 @@ class KeepOutPart:
 
 
 def _known_kind(name: str) -> str:
-    if name not in CAMERAS.names():
+    if name not in CAMERAS:
         raise ValueError(f"it must be one of {', '.join(CAMERAS.names())}")
     return name
 

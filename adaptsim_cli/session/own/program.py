@@ -57,8 +57,8 @@ class Program:
     @property
     def announcement(self) -> str:
         """See `Answerer`."""
-        moving = f". {YOURS}. Is its work area clear, nobody within reach?" if self.moves else ", which moves nothing"
-        return f"The program `{self.command}` runs{moving}"
+        check = "Check that its work area is clear and that nobody is within reach"
+        return f"The program `{self.command}` runs{f'. {YOURS}. {check}' if self.moves else ', which moves nothing'}"
 
     @property
     def then(self) -> str:

@@ -82,7 +82,7 @@ def register(name: str, create: Factory) -> None:
 
     Registering a name again replaces the earlier one. Raises ValueError for a name of ours or of an installed package.
     """
-    if name in REGISTRY.names():
+    if name in REGISTRY:
         raise ValueError(f"the method {name!r} exists already: choose another name")
     _registered[name] = create
 

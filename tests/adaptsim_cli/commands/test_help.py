@@ -75,3 +75,10 @@ def test_a_flag_shows_no_type_and_other_options_do() -> None:
 def test_a_command_of_a_group_is_suggested_with_its_group(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["export"]) == 2
     assert "Did you mean 'adaptsim sessions export'?" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("command", [[], ["sessions"], ["sessions", "list"]])
+def test_no_flag_of_a_help_page_shows_a_type(command: list[str], capfd: pytest.CaptureFixture[str]) -> None:
+    app.run([*command, "--help"])
+    shown = capfd.readouterr().out
+    assert "--help" in shown and "<bool>" not in shown

@@ -131,7 +131,7 @@ def test_nothing_runs_past_a_narrow_screen(width, tmp_path, monkeypatch):
     lines = [line for line in said.getvalue().splitlines() if ".jpg" not in line]  # paths stay whole
     assert max(len(line.rstrip()) for line in lines) <= width
     table = said.getvalue()[said.getvalue().index("What changed") :]
-    assert "e [Pa]" in table, "brackets are not taken for markup"
+    assert "e [kPa]" in table, "brackets are not taken for markup"
     assert table.count("particle 1") == 1
 
 

@@ -73,9 +73,9 @@ def test_trials_after_the_session_try_a_policy_that_no_trial_of_it_tried():
 
 
 def test_the_gain_names_first_and_last_iteration():
-    assert gain_in_words([0.456]) == "0.46 in the first iteration"
-    assert gain_in_words([0.46, 0.91]) == "0.46 in the first iteration, 0.91 in the second"
-    assert gain_in_words([0.1] * 6 + [0.9]) == "0.10 in the first iteration, 0.90 in iteration 7"
+    assert gain_in_words([0.456]) == "Mean reward 0.46 in the first iteration"
+    assert gain_in_words([0.46, 0.91]) == "Mean reward 0.46 in the first iteration, 0.91 in the second"
+    assert gain_in_words([0.1] * 6 + [0.9]) == "Mean reward 0.10 in the first iteration, 0.90 in iteration 7"
 
 
 def test_nothing_is_measured_again_that_a_trial_has_measured():

@@ -61,8 +61,8 @@ def test_the_index_has_every_session_its_curve_and_its_tags(root: Path, site: Lo
     curves = [json.loads(html.unescape(one.split('"')[0])) for one in page.split('data-curve="')[1:]]
     trials = trials_of(SessionStore.open(root, NAME))
     first = [trial.reward for trial in trials if trial.iteration == 1]
-    assert [len(curve) for curve in curves] == [2, 1]
-    assert curves[0][0][:2] == [len(first), pytest.approx(sum(first) / len(first), abs=1e-4)]
+    assert [len(curve) for curve in curves] == [1, 2], "the newest session comes first"
+    assert curves[1][0][:2] == [len(first), pytest.approx(sum(first) / len(first), abs=1e-4)]
 
 
 def test_a_change_is_told_and_shown(root: Path, site: LocalServer, monkeypatch: pytest.MonkeyPatch) -> None:

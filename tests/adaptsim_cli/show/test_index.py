@@ -12,7 +12,9 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli.commands import app
-from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.advice import HEADLINES
+from adaptsim_cli.session.history import results_of, trials_of
+from adaptsim_cli.session.judgement import iteration_means
 from adaptsim_cli.session.store import SessionStore
 
 
@@ -41,7 +43,18 @@ def test_every_session_is_on_the_page_with_links_to_its_report_and_film(root: Pa
     assert any(link.endswith("film.jpg") for link in links)
     trials = [t.reward for t in trials_of(SessionStore.open(root, NAME)) if t.iteration == 2]
     assert f"{sum(trials) / len(trials):.2f}" in text
-    assert 'data-label="95 %">–<' in text, "two sessions that earned the same have no interval"
+    verdict = results_of(SessionStore.open(root, NAME))[-1].verdict
+    assert text.count(f'data-label="verdict">{HEADLINES[verdict.kind]}<') == 2
+    assert 'data-label="95 % interval">–<' in text, "two sessions that earned the same have no interval"
+
+
+def test_an_iteration_counts_once_it_is_complete(root: Path) -> None:
+    store = SessionStore.open(root, NAME)
+    trials = trials_of(store)
+    whole = iteration_means(store.facts, trials)
+    assert [mean.trials for mean in whole] == [len(trials) // 2] * 2
+    assert iteration_means(store.facts, trials[:-1]) == whole[:1]
+    assert [mean.trials for mean in iteration_means(store.facts, trials[:1])] == [1], "the only trials so far"
 
 
 def test_a_damaged_session_is_named_and_hides_no_other(root: Path, capfd) -> None:

@@ -72,11 +72,11 @@ BEST = "after 10 trials; its best policy was chosen after 2 of them."
 @pytest.mark.parametrize(
     ("rewards", "told"),
     [
-        ([0.46], f"0.46 in the first iteration; {UDR} The first iteration ran before the session adapted"),
+        ([0.46], f"Mean reward 0.46 in the first iteration; {UDR} The first iteration ran before the session adapted"),
         (
             [0.46, 0.91],
-            f"0.46 in the first iteration, 0.91 in the second; {UDR} The last iteration earned 0.79 more than UDR, one "
-            f"policy for the whole range, {BEST}",
+            f"Mean reward 0.46 in the first iteration, 0.91 in the second; {UDR} The last iteration earned 0.79 more "
+            f"than UDR, one policy for the whole range, {BEST}",
         ),
         ([0.46, 0.14], f"The last iteration earned about as much as UDR, one policy for the whole range, {BEST}"),
         ([0.46, 0.05], f"The last iteration earned 0.07 less than UDR, one policy for the whole range, {BEST}"),

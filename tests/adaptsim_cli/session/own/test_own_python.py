@@ -65,7 +65,7 @@ def test_trials_are_asked_and_told_in_any_order_and_the_session_adapts() -> None
 
 def test_only_a_session_with_a_robot_of_ones_own_asks() -> None:
     session = api.begin("pendulum", name="lab")
-    with pytest.raises(UsageError, match="only a session with hw = own asks and is told"):
+    with pytest.raises(UsageError, match="it makes its trials itself: call run"):
         session.ask()
     with pytest.raises(UsageError, match="hw = panda: Python begins sessions in the simulated lab, or with hw = own"):
         api.begin("pushing", hw="panda")

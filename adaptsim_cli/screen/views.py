@@ -111,8 +111,7 @@ def predicted_between(low: float, high: float) -> str:
 def quantity(value: float, unit: str) -> str:
     """A number with its unit for people; a length to the millimetre at least: −1.0 mm, 0.680 m."""
     factor, short = _scale(value, unit)
-    is_length = unit == "m" and value
-    shown = f"{factor * value:.{1 if short == 'mm' else 3}f}" if is_length else number(factor * value)
+    shown = f"{factor * value:.{1 if short == 'mm' else 3}f}" if unit == "m" and value else number(factor * value)
     return with_signs(f"{shown} {short}".rstrip())
 
 

@@ -223,10 +223,6 @@ class TrialRecord(MotionRecord):
     control_success_rate: float
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 
-    def __str__(self) -> str:
-        earned = f"reward {self.reward:.2f}, predicted {self.predicted_reward:.2f}"
-        return f"trial {self.trial} of iteration {self.iteration}: {self.outcome_words}, {earned}"
-
     @property
     def is_rewarded(self) -> bool:
         """Whether its reward is above `FAILED`, for a success or as partial credit; for dots, pills and counts."""

@@ -27,28 +27,19 @@ LEAST_CHANCE = 0.05
 """A belief that gives a true word less than this misses it."""
 
 
-def in_plain_units(one: RevealedParameter, value: float) -> str:
-    """A value as people say it: `cylinder`, `20 kPa`, `−0.9 mm`."""
-    if one.scale == "integer":
-        return one.kinds[round(value)] if one.kinds else str(round(value))
-    return views.quantity(value, one.unit)
-
-
 def row(one: RevealedParameter) -> tuple[str, str, str, str]:
-    """Plain name, truth, range of training and belief. A unit that all values share is written after the name. The
-    belief about a category is the chance of each word.
+    """Plain name with the unit, truth, range of training and belief. All values have the unit in which people read the
+    range. The belief about a category is the chance of each word.
     """
     if one.kinds:
         trained = one.kinds[round(one.low) : round(one.high) + 1]
         word = one.kinds[round(one.truth)]
         belief = "no interval" if one.chances is None else views.chances_in_words(one.kinds, one.chances)
         return one.plain_name, word + ("" if word in trained else " *"), ", ".join(trained), belief
+    factor, unit = views.scale_within(one.low, one.high, one.unit)
+    name = f"{one.plain_name}, {unit.replace(' ', NO_BREAK)}" if unit else one.plain_name
     values = [one.truth, one.low, one.high, *((one.believed[0], one.believed[2]) if one.believed else ())]
-    texts = [in_plain_units(one, value) for value in values]
-    units, name = {text.partition(" ")[2] for text in texts}, one.plain_name
-    if len(units) == 1 and (unit := units.pop()):
-        name, texts = f"{name}, {unit.replace(' ', NO_BREAK)}", [text.partition(" ")[0] for text in texts]
-    truth, low, high, *ends = texts
+    truth, low, high, *ends = (views.with_signs(views.number(factor * value)) for value in values)
     beyond = "" if one.low <= one.truth <= one.high else " *"
     return name, truth + beyond, _span(low, high), _span(*ends) if ends else "no interval"
 
@@ -181,6 +172,5 @@ def positions(one: RevealedParameter, values: Sequence[float], last: int) -> lis
 
 
 def _span(low: str, high: str) -> str:
-    """`10 to 500 kPa`: equal ends, and a common unit, are written once."""
-    (a, _, unit), (_, _, other) = low.partition(" "), high.partition(" ")
-    return low if low == high else f"{a if unit == other else low} to {high}"
+    """`10 to 500`; equal ends are written once."""
+    return low if low == high else f"{low} to {high}"

@@ -25,10 +25,10 @@ PATCH = RevealedParameter(
 )  # fmt: skip
 
 
-def test_values_are_said_in_plain_units():
+def test_all_values_of_a_row_have_the_unit_of_its_range():
     assert truth_view.row(SHAPE) == ("shape", "cylinder", "ellipsoid, cylinder", "cylinder 72 %, box 28 %")
-    assert truth_view.row(STIFF) == ("stiffness", "1 MPa *", "10 to 500 kPa", "20 to 800 kPa")
-    assert truth_view.row(PATCH) == ("patch", "−0.9 mm", "−0.100 to 0.100 m", "no interval")
+    assert truth_view.row(STIFF) == ("stiffness, kPa", "1000 *", "10 to 500", "20 to 800")
+    assert truth_view.row(PATCH) == ("patch, mm", "−0.9", "−100 to 100", "no interval")
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])

@@ -72,6 +72,10 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
         raise CameraError(f"the camera's factory calibration cannot be read: {error!r}; record again") from error
 
 
+MOST_M = 2.0
+"""No two cameras of one device are farther apart, and no element of a rotation is larger."""
+
+
 def _mode(modes: Mapping[str, Mode], name: str) -> Mode:
     if name not in modes:
         raise CameraError(f"camera mode {name!r} is not known: choose one of {', '.join(modes)}")
@@ -89,10 +93,13 @@ def _intrinsics(camera: dict[str, Any], mode: Mode) -> Intrinsics:
 
 
 def _pose(camera: dict[str, Any]) -> Array:
-    """(4, 4) of the reference in this camera."""
+    """(4, 4) of the reference in this camera. Raises ValueError if that is no pose within one device."""
     X = np.eye(4)
     X[:3, :3] = np.reshape(camera["Rt"]["Rotation"], (3, 3))
     X[:3, 3] = camera["Rt"]["Translation"]
+    within = np.isfinite(X).all() and np.abs(X).max() < MOST_M
+    if not within or not np.allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-3):
+        raise ValueError(f"the pose {X[:3].tolist()} is no pose within one device")
     return X
 
 

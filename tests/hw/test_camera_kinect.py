@@ -59,6 +59,10 @@ def test_calibrations_that_cannot_be_used_are_refused() -> None:
     strange["CalibrationInformation"]["Cameras"][0]["Intrinsics"]["ModelType"] = "fisheye"
     with pytest.raises(CameraError, match="fisheye"):
         camera_model(json.dumps(strange).encode(), "720P", "NFOV_UNBINNED")
+    bent = json.loads(CALIBRATION.read_bytes())
+    bent["CalibrationInformation"]["Cameras"][1]["Rt"]["Rotation"][4] = 1e308
+    with pytest.raises(CameraError, match="is no pose within one device"):
+        camera_model(json.dumps(bent).encode(), "720P", "NFOV_UNBINNED")
 
 
 def test_frames_are_paired_by_time_and_on_the_clock_of_the_device(tmp_path: Path) -> None:

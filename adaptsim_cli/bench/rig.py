@@ -78,7 +78,7 @@ class Tracker:
 
     For a task that carries its object."""
     lies_at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack | None] = lambda *_: None
-    """The same for a trial whose end is hidden -> the track with its outcome; None if no picture shows it."""
+    """The track with its outcome, for a trial that ended hidden. None if no picture shows the object."""
 
 
 @dataclass(frozen=True)

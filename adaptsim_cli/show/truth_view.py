@@ -39,6 +39,8 @@ def row(one: RevealedParameter) -> tuple[str, str, str, str]:
     factor, unit = views.scale_within(one.low, one.high, one.unit)
     name = f"{one.plain_name}, {unit.replace(' ', NO_BREAK)}" if unit else one.plain_name
     values = [one.truth, one.low, one.high, *((one.believed[0], one.believed[2]) if one.believed else ())]
+    if one.scale == "integer":
+        values = [float(round(value)) for value in values]
     truth, low, high, *ends = (views.with_signs(views.number(factor * value)) for value in values)
     beyond = "" if one.low <= one.truth <= one.high else " *"
     return name, truth + beyond, _span(low, high), _span(*ends) if ends else "no interval"

@@ -1,4 +1,4 @@
-"""Finds the order of quaternions that fits, for views whose keys state another order, and names it in words."""
+"""Finds the order of quaternions that fits the views if their keys state another one, and names it in words."""
 
 from __future__ import annotations
 

@@ -333,7 +333,7 @@ def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
 
 
 def reached(box: KeepOut) -> tuple[str, ...]:
-    """The tasks whose tool would enter the box, each with the place, for the middle action at the reference place."""
+    """The tasks in which the tool would enter the box, and where, for the middle action at the reference place."""
     from sim.tasks import get_task
 
     sentences: list[str] = []

@@ -10,7 +10,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
+from rich.console import RenderableType
+from rich.text import Text
 
 from adaptsim_cli.research.benchmarking import PAGE, Comparison
 from adaptsim_cli.screen import views
@@ -126,37 +127,30 @@ FAR_BELOW = -0.25
 MINUS = "\N{MINUS SIGN}"
 
 
-def tables(summaries: Sequence[SetSummary]) -> Iterator[Table]:
+def tables(summaries: Sequence[SetSummary]) -> Iterator[RenderableType]:
     """One for each set of worlds."""
+    head = ("method", "reward", "above udr", "95 %", "gap closed", "worse")
     for summary in summaries:
-        table = Table(title=title(summary), title_justify="left", box=None)
-        table.add_column("method", no_wrap=True)
-        for heading in ("reward", "above udr", "95 %", "gap closed", "worse"):
-            table.add_column(heading, justify="right", no_wrap=True)
-        for method in summary.methods:
-            name, reward, _, above, interval, closed, worse, _ = cells(method)
-            table.add_row(name, reward, above, interval, closed, worse)
-        yield table
+        rows = map(cells, summary.methods)
+        body = [(method, reward, *rest) for method, reward, _, *rest, _ in rows]
+        yield views.rows(head, body, right=range(1, 6), whole=(0, 3), title=title(summary))
 
 
-def strata_tables(summary: SealedSummary | None) -> Iterator[Table]:
+def strata_tables(summary: SealedSummary | None) -> Iterator[RenderableType]:
     """One for each stratum of sealed worlds: every entry beside `adaptsim`, paired by world."""
-    for name in () if summary is None else dict.fromkeys(one.stratum for one in summary.strata):
-        rows = [one for one in summary.strata if one.stratum == name]  # type: ignore[union-attr]
+    if summary is None:
+        return
+    head = ("entry", "reward", "95 %", "adaptsim minus it", "95 %")
+    for name in dict.fromkeys(one.stratum for one in summary.strata):
+        rows = [one for one in summary.strata if one.stratum == name]
         heading = f"sealed, {name}: {_count(rows[0].worlds, 'world')}"
-        table = Table(title=heading, title_justify="left", box=None)
-        table.add_column("entry", no_wrap=True)
-        for column in ("reward", "95 %", "adaptsim minus it", "95 %"):
-            table.add_column(column, justify="right", no_wrap=True)
-        for one in sorted(rows, key=lambda one: -one.reward):
-            table.add_row(
-                one.entry, f"{one.reward:.3f}", between(one.ci95), signed(one.behind), between(one.behind_ci95)
-            )
-        yield table
-    if summary is not None:
-        need = f"; a world in need has an action worth {NEED:g} more" if summary.worth else ""
-        rule = f"The best fixed rule is {summary.fixed_rule}{need}."
-        yield Table(title=rule, title_justify="left", box=None)
+        body = [
+            (one.entry, f"{one.reward:.3f}", between(one.ci95), signed(one.behind), between(one.behind_ci95))
+            for one in sorted(rows, key=lambda one: -one.reward)
+        ]
+        yield views.rows(head, body, right=range(1, 5), whole=(0, 2, 4), title=heading)
+    need = f"; a world in need has an action worth {NEED:g} more" if summary.worth else ""
+    yield Text(f"The best fixed rule is {summary.fixed_rule}{need}.")
 
 
 def title(summary: SetSummary) -> str:

@@ -7,7 +7,6 @@ measures the terminal.
 from __future__ import annotations
 
 import json
-import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,12 +14,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rich.console import Console, ConsoleOptions, RenderableType
-from rich.segment import Segment
+from rich.console import Console, RenderableType
 from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
+from adaptsim_cli.screen.clean_console import CleanConsole
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, lines_typed, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.reply import Reply, Step
@@ -339,26 +338,6 @@ def require_terminal(otherwise: str = NO_TERMINAL) -> None:
     """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)
-
-
-_COMMANDS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-
-
-class CleanConsole(Console):
-    """rich's console; control characters in a text become visible."""
-
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """See rich. Control segments of rich itself (a progress bar's) stay."""
-        for segment in super().render(renderable, options):
-            if segment.control or not _COMMANDS.search(segment.text):
-                yield segment
-            else:
-                yield Segment(clean(segment.text), segment.style)
-
-
-def clean(text: str) -> str:
-    """The text with every control character but the line break made visible, as \\x1b."""
-    return _COMMANDS.sub(lambda match: match.group().encode("unicode_escape").decode(), text)
 
 
 _WORTH_CONTINUING = (

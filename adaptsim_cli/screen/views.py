@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.padding import Padding
 from rich.style import Style
@@ -19,6 +18,7 @@ from rich.text import Text
 
 from adaptsim_cli.config import is_own, is_simulated
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.row_table import RowTable
 from hw.types import Array, JointPath
 
 if TYPE_CHECKING:
@@ -299,14 +299,15 @@ def keys(explain: str, keys: Sequence[tuple[str, str]]) -> RenderableType:
     return indent(Group(*([Text(explain)] if explain else []), table))
 
 
-def rows(head: Sequence[str], body: Iterable[Sequence[str]], right: Sequence[int] = ()) -> Table:
-    """A plain table: `right` names the columns with numbers."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for index, name in enumerate(head):
-        table.add_column(name, justify="right" if index in right else "left", overflow="fold")
-    for cells in body:
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
+def rows(
+    head: Sequence[str],
+    body: Iterable[Sequence[str]],
+    right: Sequence[int] = (),
+    whole: Sequence[int] = (),
+    title: str = "",
+) -> RowTable:
+    """A plain table: `right` names the columns with numbers, `whole` those whose lines are never broken."""
+    return RowTable(head, tuple(body), right, whole, title)
 
 
 def _table() -> Table:

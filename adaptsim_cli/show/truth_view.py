@@ -52,8 +52,7 @@ def table(shown: Revealed) -> RenderableType:
     for one in shown.parameters:
         *left, belief = row(one)
         body.append((*left, belief.replace("%, ", "%\n"), chart(one)))  # each word of a category has a line
-    drawn = views.rows(("parameter", "truth", "range", "belief", ""), body)
-    drawn.columns[-2].no_wrap = drawn.columns[-1].no_wrap = True
+    drawn = views.rows(("parameter", "truth", "range", "belief", ""), body, whole=(3, 4))
     beyond = "; * beyond that range" if any("*" in cells[1] for cells in body) else ""
     return Group(
         Text(""),

@@ -14,7 +14,8 @@ from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console, views
-from adaptsim_cli.screen.console import CleanConsole, Screen, clean
+from adaptsim_cli.screen.clean_console import CleanConsole, clean
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration

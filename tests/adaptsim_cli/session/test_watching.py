@@ -10,7 +10,8 @@ from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved, run, silent
 
 from adaptsim_cli.screen import log
-from adaptsim_cli.screen.console import CleanConsole, Screen
+from adaptsim_cli.screen.clean_console import CleanConsole
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running, watching
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import page

@@ -10,7 +10,7 @@ from types import FrameType
 
 def main() -> None:
     """Load the program, and run one command. Ctrl-C while it loads ends it without a traceback."""
-    gc.disable()  # until a command runs (`command`): loading a module makes many objects and no garbage
+    gc.disable()  # until a command runs (`command`), because loading makes many objects and hardly any garbage
     usual = signal.getsignal(signal.SIGINT)
     if usual is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)

@@ -60,7 +60,9 @@ def command(
                 values["resolved"] = _resolved(flags)
             if "openers" in inputs:
                 values["openers"] = invocation.obj()
-            gc.enable()
+            if not gc.isenabled():  # `main` paused it
+                gc.freeze()  # what is loaded stays, so no collection looks through it
+                gc.enable()
             screen.end(invocation.command_path.partition(" ")[2], function(**values))
 
         run.__name__, run.__doc__, run.__module__ = function.__name__, function.__doc__, function.__module__

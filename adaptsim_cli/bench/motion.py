@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast, get_args
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import quantities, views
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -167,9 +167,9 @@ def planned(mounted_task: MountedTask, context: Sequence[str], action: Sequence[
     """
 
     task = mounted_task.task
-    where = views.point(task.context, context, task.reference_context, "--context")
+    where = quantities.point(task.context, context, task.reference_context, "--context")
     middle = task.action.middle
-    how = views.point(task.action, action, middle, "--action")
+    how = quantities.point(task.action, action, middle, "--action")
     paths = mounted_task.paths(mounted_task.hardware.plan(where, how))
     approach, motion, back = (mounted_task.cell.require(path) for path in paths)
     return PlannedMotion(mounted_task, where, how, paths, (approach, motion, back))

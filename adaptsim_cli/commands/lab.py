@@ -113,7 +113,7 @@ def list_all(resolved: Resolved) -> Reply:
 
     Example: adaptsim lab list --task scooping
     """
-    from adaptsim_cli.screen import views
+    from adaptsim_cli.screen import quantities, views
     from sim.lab.physics import physics_name
     from sim.lab.world import list_worlds, load_world
     from sim.tasks import get_task
@@ -133,4 +133,6 @@ def list_all(resolved: Resolved) -> Reply:
     body = [(row["name"], row["physics"], row["description"]) for row in rows]
     table = views.rows(("world", "physics", "what it is"), body)
     session = (f"adaptsim run-iteration --task {task.name} --world NAME", "a session in one of these worlds")
-    return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(task, with_symbols=True)], [session])
+    return Reply(
+        {"worlds": rows, "quantities": words}, [table, quantities.meanings(task, with_symbols=True)], [session]
+    )

@@ -133,7 +133,8 @@ def tables(summaries: Sequence[SetSummary]) -> Iterator[RenderableType]:
     for summary in summaries:
         rows = map(cells, summary.methods)
         body = [(method, reward, *rest) for method, reward, _, *rest, _ in rows]
-        yield views.rows(head, body, right=range(1, 6), whole=(0, 3), title=title(summary))
+        yield Text(title(summary), style="italic")
+        yield views.rows(head, body, right=range(1, 6), whole=(0, 3))
 
 
 def strata_tables(summary: SealedSummary | None) -> Iterator[RenderableType]:
@@ -148,7 +149,8 @@ def strata_tables(summary: SealedSummary | None) -> Iterator[RenderableType]:
             (one.entry, f"{one.reward:.3f}", between(one.ci95), signed(one.behind), between(one.behind_ci95))
             for one in sorted(rows, key=lambda one: -one.reward)
         ]
-        yield views.rows(head, body, right=range(1, 5), whole=(0, 2, 4), title=heading)
+        yield Text(heading, style="italic")
+        yield views.rows(head, body, right=range(1, 5), whole=(0, 2, 4))
     need = f"; a world in need has an action worth {NEED:g} more" if summary.worth else ""
     yield Text(f"The best fixed rule is {summary.fixed_rule}{need}.")
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
 from adaptsim_cli.screen.clean_console import CleanConsole
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, lines_typed, prompt, read_line, stop, unknown
@@ -25,9 +25,6 @@ from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.reply import Reply, Step
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
-from hw.errors import HardwareError
-from perception.errors import PerceptionError
-from sim.errors import ClusterUnavailable, NotExecutable, RolloutError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -338,36 +335,3 @@ def require_terminal(otherwise: str = NO_TERMINAL) -> None:
     """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)
-
-
-_WORTH_CONTINUING = (
-    StoppedByOperator,
-    Interrupted,
-    PreflightFailed,
-    DiskFull,
-    HardwareError,
-    PerceptionError,
-    NotExecutable,
-    RolloutError,
-    ClusterUnavailable,
-    OSError,
-)
-
-
-@contextmanager
-def how_to_continue(
-    hint: str,
-    interrupted: str = "interrupted; everything completed is stored",
-    also: tuple[type[Exception], ...] = (),
-) -> Iterator[None]:
-    """Add `hint` to the error that stops a run, one of these or `also`; Ctrl-C becomes Interrupted(`interrupted`)."""
-    explained: tuple[type[Exception], ...] = (*_WORTH_CONTINUING, *also)
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        stopped = Interrupted(interrupted)
-        stopped.add_note(hint)
-        raise stopped from error
-    except explained as error:
-        error.add_note(hint)
-        raise

@@ -25,11 +25,8 @@ class RowTable:
     body: Sequence[Sequence[str]]
     right: Sequence[int] = ()  # the columns of numbers, which are aligned at the right
     whole: Sequence[int] = ()  # the columns whose lines are never broken, such as drawings
-    title: str = ""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        if self.title:
-            yield Text(self.title, style="italic")
         yield self._table() if self._least_width() <= options.max_width else self._blocks()
 
     def _least_width(self) -> int:
@@ -48,8 +45,9 @@ class RowTable:
     def _table(self) -> Table:
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
         for index, name in enumerate(self.head):
-            justify = "right" if index in self.right else "left"
-            table.add_column(name, justify=justify, overflow="fold", no_wrap=index in self.whole)
+            table.add_column(name, overflow="fold", no_wrap=index in self.whole)
+            if index in self.right:
+                table.columns[index].justify = "right"
         for cells in self.body:
             table.add_row(*map(Text, cells))
         return table

@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed, UsageError
-from adaptsim_cli.screen import console, views
+from adaptsim_cli.screen import console, quantities
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen.views import failures
@@ -51,9 +51,9 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
 
     Raises UsageError for a wrong name or value.
     """
-    contexts = [views.point(task.context, named, task.reference_context, "--context") for named in chosen.contexts]
-    mean = views.point(task.parameters, chosen.parameters, task.parameters.middle, "--param")
-    views.point(task.action, chosen.action, task.action.low, "--action")
+    contexts = [quantities.point(task.context, named, task.reference_context, "--context") for named in chosen.contexts]
+    mean = quantities.point(task.parameters, chosen.parameters, task.parameters.middle, "--param")
+    quantities.point(task.action, chosen.action, task.action.low, "--action")
     return np.array(contexts), mean
 
 
@@ -73,7 +73,7 @@ class ChosenActions:
 
     def __call__(self, context: Array) -> Array:
         """See `SolvedPolicy`."""
-        return views.point(self.task.action, self.action, self.policy(context), "--action")
+        return quantities.point(self.task.action, self.action, self.policy(context), "--action")
 
     def actions(self, contexts: Array) -> Array:
         """See `SolvedPolicy`."""

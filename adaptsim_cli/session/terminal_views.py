@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import quantities, views
 from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.advice import (
@@ -38,7 +38,7 @@ def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: st
     too.
     """
     where = f"iteration {iteration + 1} of session {facts.name}"
-    legend = (views.indent(views.meanings(task, with_symbols=False)),) if is_new else ()
+    legend = (views.indent(quantities.meanings(task, with_symbols=False)),) if is_new else ()
     return Group(
         views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),

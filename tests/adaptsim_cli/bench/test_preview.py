@@ -12,7 +12,7 @@ from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
 from adaptsim_cli.bench.motion import planned
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import quantities
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -57,6 +57,8 @@ def test_bad_values_are_named(arguments, message, refused):
 
 def test_what_is_not_given_stays():
     otherwise = np.array([0.1, 0.06, 0.01])
-    np.testing.assert_array_equal(views.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01])
+    np.testing.assert_array_equal(
+        quantities.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01]
+    )
     with pytest.raises(UsageError, match="--action"):
-        views.point(TASK.action, ["distance=nan"], otherwise, "--action")
+        quantities.point(TASK.action, ["distance=nan"], otherwise, "--action")

@@ -24,7 +24,7 @@ LISTS = ("checkpoints list", "lab list", "sessions list")
 
 
 def processor_s(command: list[str], folder: str) -> float:
-    """Processor time of a command, with data and compiled modules in `folder`. Raises CalledProcessError if it fails."""
+    """Processor time of a command, with data and compiled modules in `folder`. Raises CalledProcessError."""
     before = os.times()
     environment = {**os.environ, "ADAPTSIM_HOME": folder, "PYTHONPYCACHEPREFIX": f"{folder}/compiled"}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from types import FrameType
@@ -9,6 +10,7 @@ from types import FrameType
 
 def main() -> None:
     """Load the program, and run one command. Ctrl-C while it loads ends it without a traceback."""
+    gc.disable()  # until a command runs (`command`), because loading makes many objects and hardly any garbage
     usual = signal.getsignal(signal.SIGINT)
     if usual is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)

@@ -39,6 +39,7 @@ class Record(BaseModel):
         allow_inf_nan=False,
         from_attributes=True,
         json_schema_serialization_defaults_required=True,
+        defer_build=True,  # until the first use, because most commands use few records
     )
 
     _additions: dict[str, Any] = PrivateAttr(default_factory=dict)

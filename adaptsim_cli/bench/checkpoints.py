@@ -73,11 +73,9 @@ def _require_trusted(resolved: Resolved) -> None:
 
 def task_of(settings: Config) -> Task:
     """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
-    from sim.tasks import get_task
-    from sim.tasks.own_object import load_object, with_ranges
+    from sim.tasks.own_object import task_of_object
 
-    task = get_task(settings.task)
-    return with_ranges(task, load_object(Path(settings.object))) if settings.object else task
+    return task_of_object(settings.task, settings.object)
 
 
 def checkpoint_of(settings: Config) -> Checkpoint:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
 
 
-@command("task", "recorded", "held_out", "workers")
+@command("task", "object", "recorded", "held_out", "workers")
 def benchmark(
     screen: Screen,
     resolved: Resolved,
@@ -61,6 +61,8 @@ def benchmark(
 
     With --recorded, each seed takes one part of recorded trials and scores by the other; permuted, a control with
     shuffled outcomes, must earn what permuted-udr earns.
+
+    With --object, methods use the checkpoint of your object; the worlds stay the same.
 
     Example: adaptsim benchmark --task pendulum --targets wd --budget 6 --seeds 2
     """

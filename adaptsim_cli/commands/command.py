@@ -8,6 +8,7 @@ This place opens the screen, loads the settings, and prints the reply: as JSON w
 
 from __future__ import annotations
 
+import gc
 import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
@@ -59,6 +60,9 @@ def command(
                 values["resolved"] = _resolved(flags)
             if "openers" in inputs:
                 values["openers"] = invocation.obj()
+            if not gc.isenabled():  # `main` paused it
+                gc.freeze()  # what is loaded stays, so no collection looks through it
+                gc.enable()
             screen.end(invocation.command_path.partition(" ")[2], function(**values))
 
         run.__name__, run.__doc__, run.__module__ = function.__name__, function.__doc__, function.__module__

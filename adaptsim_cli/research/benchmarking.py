@@ -44,7 +44,7 @@ class BenchmarkRequest:
     methods: tuple[str, ...]
     conditions: Conditions
     seeds: int
-    checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
+    checkpoints: tuple[Checkpoint, ...]
     out: Path | None
     in_lab: bool = False  # trials run through the whole simulated lab
     recorded: RecordedTrials | None = None  # instead of targets
@@ -60,7 +60,7 @@ class BenchmarkRequest:
             "format": FORMAT,
             "task": self.task.name,
             "conditions": asdict(self.conditions),
-            "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
+            "checkpoints": [checkpoint.sha256 for checkpoint in self.checkpoints],
         }
         if self.recorded is not None:
             share = self.resolved.config.held_out
@@ -137,7 +137,7 @@ def request_of(
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
-    from adaptsim_cli.bench.checkpoints import usual_checkpoint
+    from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
     from adaptsim_cli.session.recorded.comparison import compared
     from adaptsim_cli.session.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
@@ -160,9 +160,9 @@ def request_of(
         raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
     if not chosen:
         raise UsageError(f"--methods is empty: choose all, or any of {', '.join(possible)}")
-    names = comma_separated(checkpoints) or (config.checkpoint or usual_checkpoint(task),)
-    loaded = tuple((name, load_checkpoint(task, name)) for name in names)
-    left_out = _left_out(chosen, [checkpoint for _, checkpoint in loaded], config.recorded, wants_all=methods == "all")
+    loaded = tuple(load_checkpoint(task_of(config), name) for name in comma_separated(checkpoints))
+    loaded = loaded or (checkpoint_of(config),)
+    left_out = _left_out(chosen, loaded, config.recorded, wants_all=methods == "all")
     chosen = tuple(name for name in chosen if name not in left_out)
     seeds = _seeds(seeds, task, chosen, trained=len(loaded), recorded=config.recorded)
     conditions = Conditions(budget, config.particles, fresh=fresh)
@@ -172,7 +172,7 @@ def request_of(
     if config.recorded:
         if in_lab or fresh:
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
-        trials = compared(read_recorded(task, Path(config.recorded)), loaded[0][1].solver)
+        trials = compared(read_recorded(task, Path(config.recorded)), loaded[0].solver)
     else:
         listed = comma_separated(targets) or usual_targets(task)
         worlds = targets_of(task, listed) if seal is None else seal.worlds(task)
@@ -296,7 +296,8 @@ def _jobs(request: BenchmarkRequest, tables: Sequence[WorldTable | None]) -> lis
     return [
         Job(
             task=request.task.name,
-            checkpoint=_found_again(*request.checkpoints[seed % len(request.checkpoints)]),
+            checkpoint=_found_again(request.checkpoints[seed % len(request.checkpoints)]),
+            own_object=_own_object(request),
             set=target.set,
             target=target.name,
             answers=answer,
@@ -320,7 +321,8 @@ def _recorded_jobs(request: BenchmarkRequest, trials: RecordedTrials) -> list[Jo
     return [
         Job(
             task=request.task.name,
-            checkpoint=_found_again(*request.checkpoints[seed % len(request.checkpoints)]),
+            checkpoint=_found_again(request.checkpoints[seed % len(request.checkpoints)]),
+            own_object=_own_object(request),
             set="recorded",
             target=Path(config.recorded).absolute().name,
             answers=f"{answers}-{config.held_out:g}",
@@ -335,9 +337,15 @@ def _recorded_jobs(request: BenchmarkRequest, trials: RecordedTrials) -> list[Jo
     ]
 
 
-def _found_again(name: str, checkpoint: Checkpoint) -> str:
+def _own_object(request: BenchmarkRequest) -> str:
+    """The absolute path of the object's file, because workers run in another folder; empty without an object."""
+    file = request.resolved.config.object
+    return str(Path(file).absolute()) if file else ""
+
+
+def _found_again(checkpoint: Checkpoint) -> str:
     """A shipped checkpoint by its name, any other by its absolute path, because workers run in another folder."""
     from sim.tasks import files_of
 
     is_shipped = checkpoint.path.is_relative_to(files_of(checkpoint.card.task, "checkpoints"))
-    return name if is_shipped else str(checkpoint.path.absolute())
+    return checkpoint.path.name if is_shipped else str(checkpoint.path.absolute())

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.storage.durable import LOCK, locked, make_folder
 

@@ -19,16 +19,13 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, lines_typed, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.reply import Reply, Step
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
-from hw.errors import HardwareError
-from perception.errors import PerceptionError
-from sim.errors import ClusterUnavailable, NotExecutable, RolloutError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -359,36 +356,3 @@ class CleanConsole(Console):
 def clean(text: str) -> str:
     """The text with every control character but the line break made visible, as \\x1b."""
     return _COMMANDS.sub(lambda match: match.group().encode("unicode_escape").decode(), text)
-
-
-_WORTH_CONTINUING = (
-    StoppedByOperator,
-    Interrupted,
-    PreflightFailed,
-    DiskFull,
-    HardwareError,
-    PerceptionError,
-    NotExecutable,
-    RolloutError,
-    ClusterUnavailable,
-    OSError,
-)
-
-
-@contextmanager
-def how_to_continue(
-    hint: str,
-    interrupted: str = "interrupted; everything completed is stored",
-    also: tuple[type[Exception], ...] = (),
-) -> Iterator[None]:
-    """Add `hint` to the error that stops a run, one of these or `also`; Ctrl-C becomes Interrupted(`interrupted`)."""
-    explained: tuple[type[Exception], ...] = (*_WORTH_CONTINUING, *also)
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        stopped = Interrupted(interrupted)
-        stopped.add_note(hint)
-        raise stopped from error
-    except explained as error:
-        error.add_note(hint)
-        raise

@@ -15,7 +15,8 @@ from rich.console import RenderableType
 from adaptsim_cli.config import DIRECT, Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console, views
-from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.screen.views import number, quantity, values
+from adaptsim_cli.screen.views import number, quantity, scale_within, values
 from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
+from hw.types import Array
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.stages import Role
 from sim.tasks.task import Task
-from sim.types import Space
+from sim.types import Dimension, Space
 
 BINS = 24
 """Number of bins of one parameter's posterior, over its range."""
@@ -142,16 +143,20 @@ def _parameters(
         {
             "name": d.name,
             "plain": d.plain_name,
-            "unit": d.unit,
             "meaning": d.meaning,
-            "low": number(d.low),
-            "high": number(d.high),
+            **_values(d, means[-1, :, k]),
             "steps": _rounded(unit[:, :, k], 4),
-            "now": [number(float(v)) for v in means[-1, :, k]],
             "posterior": None if marginals is None else marginals[k],
         }
         for k, d in enumerate(space.dimensions)
     ]
+
+
+def _values(dimension: Dimension, present: Array) -> dict[str, Any]:
+    """The range of a parameter and its present values (n,), all in the unit in which people read this range."""
+    factor, unit = scale_within(dimension.low, dimension.high, dimension.unit)
+    low, high, *now = (number(factor * float(value)) for value in (dimension.low, dimension.high, *present))
+    return {"unit": unit, "low": low, "high": high, "now": now}
 
 
 def _marginals(space: Space, posterior: Posterior) -> list[list[float]]:

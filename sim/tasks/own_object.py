@@ -32,6 +32,7 @@ from pydantic import Field, ValidationError
 from hw.bounded import Unreadable, read_table
 from hw.records import HandWritten
 from sim.errors import ObjectError
+from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -59,9 +60,7 @@ class OwnObject:
 class _File(HandWritten):
     task: str
     name: str = Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]*$")
-    ranges: dict[str, tuple[float, float]] = Field(
-        default_factory=dict
-    )  # parameter -> low and high, in the task's units
+    ranges: dict[str, tuple[float, float]] = Field(default_factory=dict)  # parameter -> low and high, in task units
     sizes: dict[str, tuple[float, float]] = Field(default_factory=dict)  # the same for quantities of the nuisance
     mass_kg: float | None = Field(default=None, gt=0)  # what the object weighs; left out: the task's
     effects: dict[str, float | tuple[float, ...]] = Field(default_factory=dict)  # of the scene, as in a world's file
@@ -79,13 +78,17 @@ def load_object(path: Path) -> OwnObject:
         if isinstance(raw.get(table), dict):
             raw[table] = {key: tuple(v) if isinstance(v, list) else v for key, v in raw[table].items()}
     try:
-        file = _File.model_validate(raw)
+        return OwnObject(**_File.model_validate(raw).model_dump())
     except ValidationError as error:
         raise ObjectError(f"{path}: {_message(error)}") from error
-    try:
-        return OwnObject(**file.model_dump())
     except ObjectError as error:
         raise ObjectError(f"{path}: {error}") from error
+
+
+def task_of_object(name: str, file: str = "") -> Task:
+    """The task `name`, with the ranges of the object in `file` if there is one. Raises UnknownName, ObjectError."""
+    task = get_task(name)
+    return with_ranges(task, load_object(Path(file))) if file else task
 
 
 def as_toml(task: Task, own: OwnObject) -> str:
@@ -122,9 +125,8 @@ def with_ranges(task: Task, own: OwnObject) -> Task:
     if not effects:
         return replace(changed, object_name=own.name)
     if task.exact is not None:
-        raise ObjectError(
-            f"the object {own.name}: {task.name} is solved exactly for its own scene: leave mass and effects out"
-        )
+        exact = f"{task.name} is solved exactly for its own scene"
+        raise ObjectError(f"the object {own.name}: {exact}: leave mass and effects out")
     return _in_scene(replace(changed, object_name=own.name), task.unmodelled(**effects))
 
 

@@ -57,7 +57,7 @@ def check_verdicts(judged: Sequence[Verdict], said: str, threshold: float) -> No
     assert all(verdict.reward < threshold for verdict in below)
 
 
-@pytest.mark.parametrize("number", campaign(range(40), 4))
+@pytest.mark.parametrize("number", campaign(range(40), 8))
 def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pytest.CaptureFixture[str]) -> None:
     iterations, method = 1 + number % 3, METHODS[number % len(METHODS)]
     world = ["wd", "ood-1", "ood-2", "ood-3", "ood-4"][number % 5] if number < 10 else "wd"

@@ -36,6 +36,15 @@ def test_nothing_heavy_is_imported_that_is_not_needed(program, needed):
     assert done.stderr == needed
 
 
+PAUSED = "import atexit, gc, sys; from adaptsim_cli.__main__ import main; sys.argv[1:] = ['config', 'path']; {}; main()"
+
+
+def test_garbage_is_collected_again_once_a_command_runs():
+    told = "atexit.register(lambda: sys.stderr.write(f'{gc.isenabled()} {gc.get_freeze_count() > 10_000}'))"
+    line = [sys.executable, "-c", PAUSED.format(told)]
+    assert subprocess.run(line, check=True, capture_output=True, text=True).stderr == "True True"
+
+
 ERASED = "\r\x1b[K"
 
 

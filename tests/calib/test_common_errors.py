@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import real_views
+from campaigns import campaign
 from repeatability import predicted_px, setup_of, views_of
 from scipy.optimize import least_squares
 
@@ -74,8 +75,7 @@ def test_small_markers_whose_corners_turn_them_are_fitted_together(camera: int, 
     assert predicted_px(found.X_AC, found.X_HM, every[1 - half :: 2], setup) < 2.0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("common_px", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("common_px", campaign([0.5, 0.2, 1.0], 3))
 def test_halves_agree_as_well_as_by_a_plain_fit_over_pixels(common_px: float) -> None:
     ours, plain = [], []
     for seed in range(4):

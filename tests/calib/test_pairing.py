@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import real_views
 import simulated_views as rig
+from campaigns import campaign
 
 from calib.errors import UnusableViews
 from calib.foreign.pairing import Fault, exchanged, faults, shifted
@@ -102,13 +103,12 @@ def test_an_old_frame() -> None:
 TWIST = np.array([0.05, -0.04, 0.03, 0.012, -0.01, 0.008])
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("first", [10, 13])
-@pytest.mark.parametrize("what", ["slipped", "moved"])
+@pytest.mark.parametrize("change", campaign([("slipped", 10), ("slipped", 13), ("moved", 13), ("moved", 10)], 2))
 def test_a_slipped_board_and_a_moved_camera_are_told_apart(
-    what: str, first: int, known: tuple[Solution, Setup]
+    change: tuple[str, int], known: tuple[Solution, Setup]
 ) -> None:
     solution, _ = known
+    what, first = change
     X_AC, X_HM = solution.X_AC, solution.X_HM
     X_AC, X_HM = (move(X_AC, TWIST), X_HM) if what == "moved" else (X_AC, move(X_HM, TWIST))
     views = [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from campaigns import campaign
 from hard_paths import LOADED, hunt
 from own_judge import AT_ZERO, poses, torques
 
@@ -46,7 +47,6 @@ def check(model: str, count: int, seed: int) -> None:
     assert reached["not a number"] == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
+@pytest.mark.parametrize("model", campaign(["fr3", "panda", "fr3v2"], 3))
 def test_none_of_1000_paths_beyond_a_limit_reaches_the_driver(model: str) -> None:
     check(model, 1000, seed=1)

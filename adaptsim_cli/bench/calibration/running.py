@@ -19,7 +19,8 @@ from adaptsim_cli.bench.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.screen.views import FileLine, badge

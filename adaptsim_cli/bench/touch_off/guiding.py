@@ -18,7 +18,8 @@ from adaptsim_cli.bench.touch_off.store import SavedTouchOff, SetDownRecord, Tou
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm, NotAtRest, at_rest
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.release import grasping

@@ -21,7 +21,7 @@ from adaptsim_cli.commands.setup_steps import describing, moving
 from adaptsim_cli.commands.setup_steps.answers import Answers
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.console import how_to_continue
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.keys import Key, enter, stop
 from calib.errors import CalibrationError
 from sim.errors import SimError

@@ -67,6 +67,7 @@ class Job:
     table: WorldTable | None = None  # None: the world is simulated
     recorded: RecordedTrials | None = None
     held_out: float = 0.0  # share of the recorded trials
+    own_object: str = ""  # file of the object that the checkpoint was made for; empty: the task itself
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,9 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
         return _run_recorded(job, job.recorded)
     assert job.world is not None, "a job has a world or recorded trials"
     began, entry = time.perf_counter(), Entry.parse(job.method)
-    checkpoint = checkpoint_knowing(job.task, job.checkpoint, entry.ranges, tabulated=entry.needs_reward_table)
+    checkpoint = checkpoint_knowing(
+        job.task, job.checkpoint, entry.ranges, own_object=job.own_object, tabulated=entry.needs_reward_table
+    )
     solver, conditions = checkpoint.solver, job.conditions
     task, shown_reward = solver.task, None
     simulated = SimulatedTrials(solver, job.world)
@@ -131,7 +134,8 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
 
 def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     """Run the session and judge its policies by the trials held out."""
-    began, checkpoint = time.perf_counter(), checkpoint_knowing(job.task, job.checkpoint, None)
+    began = time.perf_counter()
+    checkpoint = checkpoint_knowing(job.task, job.checkpoint, None, own_object=job.own_object)
     task, seed, name = recorded.task, job.seed, job.method
     shown, held = (recorded.permuted(seed) if name in CONTROLS else recorded).split(job.held_out, seed)
     place = FromRecordings(shown, held)

@@ -16,7 +16,7 @@ from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.solvers.candidates import PredictionsBehind
 from sim.solvers.emulator.network import Emulator
-from sim.tasks import get_task
+from sim.tasks.own_object import task_of_object
 from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
 from sim.types import Space
 
@@ -58,9 +58,13 @@ def with_ranges(checkpoint: Checkpoint, ranges: Ranges, *, tabulated: bool = Tru
 
 
 @lru_cache(maxsize=8)
-def checkpoint_knowing(task: str, name: str, ranges: Ranges | None, *, tabulated: bool = True) -> Checkpoint:
-    """The checkpoint `name` of a task, with its own ranges if none are named. Raises CheckpointError."""
-    checkpoint = load_checkpoint(get_task(task), name)
+def checkpoint_knowing(
+    task: str, name: str, ranges: Ranges | None, *, own_object: str = "", tabulated: bool = True
+) -> Checkpoint:
+    """The checkpoint `name` of a task, or of its object in the file `own_object`. It keeps its own ranges if none are
+    named. Raises ObjectError, CheckpointError.
+    """
+    checkpoint = load_checkpoint(task_of_object(task, own_object), name)
     return checkpoint if ranges is None else with_ranges(checkpoint, ranges, tabulated=tabulated)
 
 

@@ -2,13 +2,18 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
 from adaptsim_cli.commands.app import run
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.working import working_in
+from sim.adaptation.checkpoint import save_checkpoint
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.rollouts.shares import Share
+from sim.tasks import get_task
+from sim.tasks.own_object import OwnObject, as_toml, with_ranges
 
 PENDULUM = ["benchmark", "--task", "pendulum", "--targets", "wd,ood-1", "--budget", "4", "--seeds", "2"]
 
@@ -77,6 +82,37 @@ def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
         assert run([*PENDULUM, "--methods", "udr", *flags]) == code
         assert message in " ".join(said(capsys)[1].split())
     assert not (home / "data/benchmarks").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("asked", [[], ["--checkpoints", "checkpoint"]])
+def test_methods_use_the_checkpoint_of_an_own_object_and_worlds_stay_the_same(asked, capsys, home):
+    """UDR's policy is the one for the mean of the object's ranges, which are those of ood-2."""
+    own = OwnObject("pendulum", "rod", {"m1": (0.45, 0.55), "m2": (1.75, 1.85)})
+    task = with_ranges(get_task("pendulum"), own)
+    Path("rod.toml").write_text(as_toml(task, own))
+    folder = Path("checkpoint") if asked else home / "data/pretraining/rod/checkpoint"
+    table = tabulate_rewards(task.exact(task), 0, RewardTableSettings(candidates=4, truths=8, contexts=2))
+    save_checkpoint(task, folder, None, {}, {"seed": 0, "simulations": 0}, table)
+    line = [
+        "benchmark",
+        "--task",
+        "pendulum",
+        "--targets",
+        "ood-2",
+        "--budget",
+        "2",
+        "--methods",
+        "udr",
+        "--seeds",
+        "1",
+    ]
+    rewards = []
+    for more in ([], ["--object", "rod.toml", *asked]):
+        assert run([*line, "--seeds", "1", *more, "--json"]) == 0
+        (row,) = json.loads(said(capsys)[0])["rows"]
+        rewards.append(row["reward"])
+    assert rewards[1] > rewards[0] + 0.1
 
 
 def test_more_than_one_seed_is_refused_where_every_seed_gives_the_same_session(capsys):

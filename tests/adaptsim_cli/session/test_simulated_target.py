@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import campaign
 from toy_session import summary
 
 from adaptsim_cli import config
@@ -102,8 +103,7 @@ def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
         assert not (parts.target.moves or parts.target.needs_consent)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("method", ["learn-in-target", "bo", "bo-prior", "sysid-bayes-point"])
+@pytest.mark.parametrize("method", campaign(["learn-in-target", "bo", "sysid-bayes-point", "bo-prior"], 2))
 def test_a_session_of_a_baseline_runs_and_another_process_continues_it(
     method: str, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ from adaptsim_cli.show.dashboard import Dashboard
 from adaptsim_cli.show.live import LiveView, live_view
 from adaptsim_cli.show.server import LocalServer, Page
 from sim.adaptation.posterior import Posterior
+from sim.types import Dimension
 
 HTML = (resources.files("adaptsim_cli.show") / "live.html").read_text()
 
@@ -177,3 +178,13 @@ def test_the_posterior_of_a_parameter_adds_up_over_its_range():
     told = live_state._marginals(PARAMETERS, Posterior(PARAMETERS, samples, weights / weights.sum()))
     assert np.allclose(np.sum(told, axis=1), 1.0, atol=1e-3)
     assert np.sum(told[0][: int(0.75 * live_state.BINS)]) == 0.0, "nothing below 0.35 of the range 0.2 to 0.4"
+
+
+def test_the_values_of_a_parameter_share_the_unit_of_its_range():
+    stiffness = Dimension("e", "Pa", 1e4, 5e5, "log")
+    assert live_state._values(stiffness, np.array([7.57e4, 1.97e4])) == {
+        "unit": "kPa",
+        "low": "10",
+        "high": "500",
+        "now": ["75.7", "19.7"],
+    }

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from campaigns import campaign
 from fr3_process import Fr3Process, arm_at
 
 from hw.collision import Tool
@@ -51,8 +52,7 @@ def play(hurried_fr3: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) 
     np.testing.assert_allclose(arm.state().q_rad, path.q_rad[-1], atol=3e-3)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["pushing", "scooping"])
+@pytest.mark.parametrize("name", campaign(["scooping", "pushing"], 2))
 def test_the_task_path_arrives_sample_by_sample_and_is_followed(hurried_fr3: Fr3Process, name: str) -> None:
     (approach, task, _), X_FT, tool = trial(name)
     hurried_fr3.place(approach.q_rad[0])

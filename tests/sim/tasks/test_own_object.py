@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining import for_object
-from sim.research.pretraining.budget import OptionalStages, PretrainBudget
+from sim.research.pretraining.budget import PretrainBudget
 from sim.research.pretraining.for_object import is_inside, make_ready
-from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts.executors import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks import get_task
@@ -96,10 +95,7 @@ def test_a_missing_file_is_named(tmp_path):
 def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     usual = get_task("pendulum")
     heavy = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.6, 2.0), "m2": (2.0, 2.6)}))
-    with serial_executor() as executor:
-        path = pretrain(
-            heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, stages=OptionalStages(False, False)
-        )
+    path = save_checkpoint(heavy, tmp_path / "checkpoint", None, {}, {"seed": 0})
     checkpoint = load_checkpoint(heavy, str(path))
     assert checkpoint.card.object == "heavy pendulum"
     assert [(d["low"], d["high"]) for d in checkpoint.card.interface["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]

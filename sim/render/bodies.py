@@ -23,7 +23,7 @@ class Hits:
 
     index: NDArray[np.intp]  # (m,) indices of the rays, rising
     t: Array32  # (m,) along the rays: depth in metres where directions have z = 1
-    triangle: NDArray[np.uint32]  # (m,) of the body
+    triangle: NDArray[np.intp]  # (m,) of the body
     albedo: Array32  # (m, 3) linear RGB
 
 
@@ -65,8 +65,8 @@ class Body:
         answer = self._scene.cast_rays(self._tensor(rays), nthreads=1)
         t_hit = answer["t_hit"].numpy()
         index = np.flatnonzero(np.isfinite(t_hit))
-        t, triangle = t_hit[index], answer["primitive_ids"].numpy()[index]
-        albedo = self._albedo[triangle]
+        t, triangle = t_hit.take(index), answer["primitive_ids"].numpy().take(index).astype(np.intp)
+        albedo = self._albedo.take(triangle, axis=0)
         for first, last, texture in self._textures:
             on_it = (triangle >= first) & (triangle < last)
             points = X_body_ray[:3, 3] + rays[index[on_it], 3:].astype(np.float64) * t[on_it, None]
@@ -125,11 +125,11 @@ class Layer:
         """
         flat = t.reshape(-1)
         at = (self.rows - corner[0]) * t.shape[1] + self.columns - corner[1]
-        nearer = np.flatnonzero(self.t < flat[at])
-        at = at[nearer]
-        flat[at] = self.t[nearer]
+        nearer = np.flatnonzero(self.t < flat.take(at))
+        at = at.take(nearer)
+        flat[at] = self.t.take(nearer)
         for picture, value in zip(pictures, self.values, strict=True):
-            picture.reshape(-1, *picture.shape[2:])[at] = value[nearer]
+            picture.reshape(-1, *picture.shape[2:])[at] = value.take(nearer, axis=0)
 
 
 class Latest(Generic[Known]):

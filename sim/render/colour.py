@@ -26,6 +26,7 @@ from sim.render.rays import (
     outline,
     pixel_rays,
     shift_rays,
+    through,
     union,
     within,
 )
@@ -59,8 +60,8 @@ class _Scene:
 
     def picture(self, box: Rectangle) -> NDArray[np.uint8]:
         """(h, w, 3) sRGB of this scene, which covers `box` of the image."""
-        total: Array32 = np.zeros(self.rgb[0].shape, dtype=np.float32)
-        for rgb in self.rgb:
+        total: Array32 = self.rgb[0] + self.rgb[1]
+        for rgb in self.rgb[2:]:
             total += rgb
         size = _STRIDE * self.dark.shape[1], _STRIDE * self.dark.shape[0]
         shadow = cv2.resize(cv2.blur(self.dark, (3, 3)), size)[box]
@@ -148,12 +149,12 @@ class ColourView:
         """A body at poses (samples, 4, 4), in sample k."""
         pixels = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
         X_OC = inverse(X_BO[k]) @ self._X_BC
-        hits = body.cast(X_OC, self._rays[k][pixels])
+        hits = body.cast(X_OC, through(pixels, self._rays[k]))
         normal = body.normals(X_OC[:3, 3]) @ X_BO[k, :3, :3].T.astype(np.float32)
-        values: tuple[NDArray[np.generic], ...] = (hits.albedo * shading.light(normal)[hits.triangle],)
+        values: tuple[NDArray[np.generic], ...] = (hits.albedo * shading.light(normal).take(hits.triangle, axis=0),)
         if k == _SHADOWED:
-            values = (*values, shading.lit_by_key(normal)[hits.triangle])
-        return Layer(pixels[0][hits.index], pixels[1][hits.index], hits.t, values)
+            values = (*values, shading.lit_by_key(normal).take(hits.triangle))
+        return Layer(pixels[0].take(hits.index), pixels[1].take(hits.index), hits.t, values)
 
     def _outline(self, body: Body, X_BO: Array) -> Pixels:
         """The pixels that a body at poses (samples, 4, 4) can cover during the exposure."""

@@ -13,7 +13,17 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render.bodies import Body, Hits, Latest, Layer
 from sim.render.colour import JITTER_PX
-from sim.render.rays import Array32, Pixels, field_of_view, image_rectangle, is_empty, outline, pixel_rays, shift_rays
+from sim.render.rays import (
+    Array32,
+    Pixels,
+    field_of_view,
+    image_rectangle,
+    is_empty,
+    outline,
+    pixel_rays,
+    shift_rays,
+    through,
+)
 
 
 class DepthView:
@@ -46,18 +56,18 @@ class DepthView:
         return self._layer(body, inverse(X_DO), outline(points_m[None], body.parts, self._camera, self._fov))
 
     def _layer(self, body: Body, X_OD: Array, pixels: Pixels) -> Layer:
-        along = self._rays[pixels]
+        along = through(pixels, self._rays)
         hits = body.cast(X_OD, along)
         cosine = cosines(hits, body, X_OD, along)
-        return Layer(pixels[0][hits.index], pixels[1][hits.index], hits.t, (cosine, hits.albedo.mean(axis=1)))
+        return Layer(pixels[0].take(hits.index), pixels[1].take(hits.index), hits.t, (cosine, hits.albedo.mean(axis=1)))
 
 
 def cosines(hits: Hits, body: Body, X_OD: Array, along: Array32) -> Array32:
     """(m,) cosines of the angles between the rays `along` (n, 3), in a frame D, and the normals of the triangles they
     hit.
     """
-    normal = (body.normals(X_OD[:3, 3]) @ X_OD[:3, :3].astype(np.float32))[hits.triangle]
-    hit = along[hits.index]
+    normal = (body.normals(X_OD[:3, 3]) @ X_OD[:3, :3].astype(np.float32)).take(hits.triangle, axis=0)
+    hit = along.take(hits.index, axis=0)
     return np.asarray(np.abs(np.einsum("ni,ni->n", normal, hit)) / np.linalg.norm(hit, axis=1), dtype=np.float32)
 
 

@@ -159,6 +159,12 @@ Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows (n,) and columns (n,), row by row."""
 
 
+def through(pixels: Pixels, rays: Array32) -> Array32:
+    """(n, 3) the directions of `rays` (H, W, 3) through pixels."""
+    directions: Array32 = rays.reshape(-1, 3).take(np.ravel_multi_index(pixels, rays.shape[:2]), axis=0)
+    return directions
+
+
 def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tuple[Array, Array]) -> Pixels:
     """The pixels that a body can cover, given that each of its parts lies in the convex hull of that part's points.
 

@@ -89,6 +89,7 @@ _SRGB = _srgb_table()
 
 def srgb(linear: Array32) -> NDArray[np.uint8]:
     """Linear radiance, 1 = white -> 8-bit sRGB (IEC 61966-2-1)."""
-    steps = np.clip(linear * np.float32(_SRGB_STEPS - 1) + np.float32(0.5), 0, _SRGB_STEPS - 1)
-    encoded: NDArray[np.uint8] = _SRGB[steps.astype(np.uint16)]
+    steps = linear * np.float32(_SRGB_STEPS - 1)
+    steps += np.float32(0.5)
+    encoded: NDArray[np.uint8] = _SRGB.take(np.clip(steps, 0, _SRGB_STEPS - 1, out=steps).astype(np.intp))
     return encoded

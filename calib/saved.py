@@ -8,11 +8,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from calib import timing
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
 from calib.types import (
     FORMAT,
+    TIME_OFFSET,
     Check,
     ClosedForm,
     Grade,
@@ -94,7 +94,7 @@ class SavedCalibration(StoredRecord):
 
     def camera_late_s(self) -> float:
         """Delay of the camera's stamps on the arm's clock, s, measured by swinging the board; 0 if not measured."""
-        values = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
+        values = (c.value for c in self.checks if c.name == TIME_OFFSET and c.verdict != Grade.NOT_MEASURED)
         return 1e-3 * (next(values, None) or 0.0)
 
     def offsets_rad(self) -> Array:

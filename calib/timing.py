@@ -12,11 +12,10 @@ import numpy as np
 
 from calib.bundle import Unknowns, motion, predict
 from calib.projection import project
-from calib.types import Check, Forward, Grade, Setup, Solution
+from calib.types import TIME_OFFSET, Check, Forward, Grade, Setup, Solution
 from hw.types import Array
 from perception.board.types import Corners
 
-NAME = "time offset"
 LIMIT_MS = 5.0
 SEARCH_S = 0.25
 MIN_FRAMES = 6
@@ -40,7 +39,9 @@ def time_offset(
     order = np.argsort([t for t, _ in frames], kind="stable")
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
-        return Check.unmeasured(NAME, f"{len(usable)} frames of the motion show the board, but {MIN_FRAMES} are needed")
+        return Check.unmeasured(
+            TIME_OFFSET, f"{len(usable)} frames of the motion show the board, but {MIN_FRAMES} are needed"
+        )
     arm_t_s, q_rad = np.asarray(arm_t_s), np.asarray(q_rad)
     grid = np.broadcast_to(setup.board.p_MK_m, (len(usable), setup.board.corners, 3))
 
@@ -60,7 +61,9 @@ def time_offset(
     for _ in range(8):
         r, slope, speed = _residual(usable, pixels, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
-            return Check.unmeasured(NAME, f"the board moved by {speed:.0f} px/s, but {MIN_SPEED_PX_S:.0f} are needed")
+            return Check.unmeasured(
+                TIME_OFFSET, f"the board moved by {speed:.0f} px/s, but {MIN_SPEED_PX_S:.0f} are needed"
+            )
         step = -float(slope @ r) / float(slope @ slope)
         best += float(np.clip(step, -0.02, 0.02))
         sigma = float(np.sqrt(r @ r / (len(r) - 3) / (slope @ slope)))
@@ -73,7 +76,7 @@ def time_offset(
     )
     advice = f": at 0.6 m/s that is {abs(600e-3 * value):.0f} mm. A session subtracts it"
     good = abs(value) <= LIMIT_MS
-    return Check.graded(NAME, message, (value, LIMIT_MS, "ms"), advice, good=good, worse=Grade.SUSPECT)
+    return Check.graded(TIME_OFFSET, message, (value, LIMIT_MS, "ms"), advice, good=good, worse=Grade.SUSPECT)
 
 
 def _residual(

@@ -334,6 +334,10 @@ class Grade(StrEnum):
     NOT_MEASURED = "not measured"
 
 
+TIME_OFFSET = "time offset"
+"""The check whose value a saved calibration corrects the camera's stamps by."""
+
+
 class Check(Record):
     """One check or gate, also as stored: measured value, limit and advice."""
 

@@ -59,7 +59,7 @@ def test_a_corrupt_or_foreign_checkpoint_ends_with_8(place: Path, capfd: pytest.
     assert app.run(["checkpoints", "verify", "ckpt", "--task", "scooping"]) == 8
     assert "is for pushing, not for scooping" in told(capfd)
     assert app.run(["checkpoints", "verify", "nowhere", "--task", "scooping"]) == 8
-    assert "no checkpoint 'nowhere' for scooping (shipped: default): make one" in told(capfd)
+    assert "no checkpoint 'nowhere' for scooping (shipped: blunt-edge, default): make one" in told(capfd)
 
 
 def test_without_a_terminal_and_without_yes_nothing_begins(

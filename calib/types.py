@@ -335,7 +335,7 @@ class Grade(StrEnum):
 
 
 TIME_OFFSET = "time offset"
-"""The check whose value a saved calibration corrects the camera's stamps by."""
+"""The name of the check that measures the delay of the camera's stamps."""
 
 
 class Check(Record):

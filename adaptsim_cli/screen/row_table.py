@@ -24,7 +24,7 @@ class RowTable:
     head: Sequence[str]
     body: Sequence[Sequence[str]]
     right: Sequence[int] = ()  # the columns of numbers, which are aligned at the right
-    whole: Sequence[int] = ()  # the columns whose lines are never broken, such as drawings
+    whole: Sequence[int] = ()  # the columns that are never broken within a line, such as drawings
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self._table() if self._least_width() <= options.max_width else self._blocks()

@@ -239,7 +239,7 @@ def keys(explain: str, keys: Sequence[tuple[str, str]]) -> RenderableType:
 def rows(
     head: Sequence[str], body: Iterable[Sequence[str]], right: Sequence[int] = (), whole: Sequence[int] = ()
 ) -> RowTable:
-    """A plain table: `right` names the columns with numbers, `whole` those whose lines are never broken."""
+    """A plain table: `right` names the columns with numbers, and `whole` those that are never broken within a line."""
     return RowTable(head, tuple(body), right, whole)
 
 

@@ -123,7 +123,7 @@ These commands make the table:
     adaptsim benchmark --task scooping --object sim/checkpoints/scooping/blunt-edge/object.toml --targets foods-720120299-0,foods-720120299-1 --budget 8 --seeds 1 --fresh 8 --methods udr,second-action,adaptsim
     adaptsim object bevelled --task scooping --effect density_scale=1.0 --rollouts 3072
 
-Continue in the same way up to foods-720120299-19. Leave `--object` out for the first column; the control is `--object bevelled.toml`, whose effect changes nothing. **Not measured:** a training at full size, one whose edge is drawn at random (but [decision 12](../decisions/0012-edge-foods-and-a-standing-bottle.md) tried a third of the size), and a second training seed.
+Continue in the same way up to foods-720120299-19. Leave `--object` out for the first column; the control is `--object bevelled.toml`. Its effect changes nothing. **Not measured:** a training at full size, one whose edge is drawn at random (but [decision 12](../decisions/0012-edge-foods-and-a-standing-bottle.md) tried a third of the size), and a second training seed.
 """
 
 

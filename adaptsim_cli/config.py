@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -180,6 +181,11 @@ class Config(Record):
     def same_lab(self) -> str:
         """The options that lead another command to the same rig or world."""
         return same_lab(self.task, self.hw, self.world, self.seed)
+
+    @property
+    def same_task(self) -> str:
+        """The options that lead another command to the same task and object."""
+        return f"--task {self.task}" + (f" --object {shlex.quote(self.object)}" if self.object else "")
 
     def unattended(self, yes: bool) -> bool:
         """Whether no question is asked: with `--yes`, but never with a real arm."""

@@ -33,7 +33,7 @@ def list_checkpoints() -> Reply:
     rows = checkpoints.list_checkpoints()
     body = [(c["task"], c["name"], c["created"], c["folder"]) for c in rows]
     table = views.rows(("task", "name", "created", "folder"), body)
-    verified = ("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?")
+    verified = ("adaptsim checkpoints verify FOLDER --task TASK", "are the figures on its card still right?")
     return Reply({"checkpoints": rows}, [table], [verified])
 
 
@@ -82,8 +82,8 @@ def verify(
     elif count:
         screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
     if result["holds"]:
-        session = (f"adaptsim run-iteration --task {result['task']}", "a session with it, if the settings name it")
-        return Reply(result, next=[session])
+        session = f"adaptsim run-iteration {resolved.config.same_task}"
+        return Reply(result, next=[(session, "a session with it, if the settings name it")])
     worse = ", ".join(f["name"] for f in result["figures"] if not f["holds"])
     failure = CheckpointError(
         f"fresh rollouts are worse than the card of {result['folder']} says: {worse}. The simulation has changed "
@@ -108,7 +108,7 @@ def parameters(screen: Screen, resolved: Resolved) -> Reply:
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in result["parameters"]]
     table = views.rows(("parameter", "error left", ""), body, right=(1,))
     basis = f"{result['sessions']} simulated targets, {result['trials']} trials each. 1: trials say nothing about it."
-    session = f"adaptsim run-iteration --task {resolved.config.task}"
+    session = f"adaptsim run-iteration {resolved.config.same_task}"
     return Reply(result, [table, basis], [(session, "a session; the report says what its trials settled")])
 
 
@@ -142,7 +142,7 @@ def trials(
     body = [(words, _at_most(one.half, unit, n), _at_most(one.four_of_five, unit, n)) for words, unit, n, one in until]
     table = views.rows(("until", "half of the sessions", "four of five"), body)
     basis = f"{forecast.sessions} imagined sessions of {forecast.trials} trials"
-    first = (f"adaptsim run-iteration --task {resolved.config.task}", "the first trials")
+    first = (f"adaptsim run-iteration {resolved.config.same_task}", "the first trials")
     return Reply(result, [table, f"{basis}; in brackets, the share that need no more."], [first])
 
 

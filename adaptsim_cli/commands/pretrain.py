@@ -97,12 +97,11 @@ def pretrain(
     for sentence in worth_in_words(card.get("worth")):
         screen.plain(sentence)
     chosen = resolved.config
-    own = f" --object {chosen.object}" if chosen.object else ""
     usual = not chosen.object and usual_checkpoint(task_of(chosen)) == str(folder)
     setting = "" if usual else f"ADAPTSIM_CHECKPOINT={folder} "
     steps = [
-        (f"{setting}adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
-        (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
+        (f"{setting}adaptsim run-iteration {chosen.same_task}", "a session with it"),
+        (f"adaptsim checkpoints verify {folder} {chosen.same_task}", "are the figures on its card right?"),
     ]
     data = {"checkpoint": str(folder), "card": card}
     return Reply(data, next=steps)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.screen.views import number, quantity, scale_within, values
+from adaptsim_cli.screen.views import number, scale_within, value_in_words, values
 from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, TrackedTrial
@@ -44,9 +44,9 @@ def head_of(task: Task, name: str, what: str, hardware: str, *, simulated: bool,
 
 
 def quantities(space: Space, point: Mapping[str, float]) -> list[dict[str, str]]:
-    """Plain name, value with its unit, and meaning of each quantity."""
+    """Plain name, value with its unit or its word, and meaning of each quantity."""
     return [
-        {"name": d.name, "plain": d.plain_name, "value": quantity(point[d.name], d.unit), "meaning": d.meaning}
+        {"name": d.name, "plain": d.plain_name, "value": value_in_words(d, point[d.name]), "meaning": d.meaning}
         for d in space.dimensions
     ]
 
@@ -153,7 +153,12 @@ def _parameters(
 
 
 def _values(dimension: Dimension, present: Array) -> dict[str, Any]:
-    """The range of a parameter and its present values (n,), all in the unit in which people read this range."""
+    """The range of a parameter and its present values (n,), all in the unit in which people read this range, or as the
+    words of a category.
+    """
+    if dimension.kinds:
+        low, high, *now = (value_in_words(dimension, value) for value in (dimension.low, dimension.high, *present))
+        return {"unit": "", "low": low, "high": high, "now": now}
     factor, unit = scale_within(dimension.low, dimension.high, dimension.unit)
     low, high, *now = (number(factor * float(value)) for value in (dimension.low, dimension.high, *present))
     return {"unit": unit, "low": low, "high": high, "now": now}

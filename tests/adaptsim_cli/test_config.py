@@ -76,3 +76,8 @@ def test_every_documented_variable_may_be_set(tmp_path):
 
 def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> None:
     assert load(home, project).places.sessions == home / "data" / "sessions"
+
+
+def test_the_next_command_names_task_and_object():
+    assert config.Config(task="pushing").same_task == "--task pushing"
+    assert config.Config(object="my food.toml").same_task == "--task scooping --object 'my food.toml'"

@@ -37,7 +37,8 @@ def with_loggers(names: Sequence[str], folder: Path, inner: OpenView) -> OpenVie
                 place = _emptied(folder / name / store.facts.name)
                 logger = opener(place, store.facts.name, store.facts.named())
                 stack.callback(logger.close)
-                screen.plain(f"Log for {name}: {place}")
+                command = f"; open it with `{logger.opened_by}`" if logger.opened_by else ""
+                screen.plain(f"Log for {name}: {place}{command}")
                 watchers.append(Feed(name, logger, screen, store))
             yield AllOf(*watchers)
 

@@ -1,4 +1,4 @@
-"""A session for MLflow: in a folder (`mlflow ui --backend-store-uri FOLDER`), or on your server.
+"""A session for MLflow: in a folder, or on your server.
 
 The server is the one that MLFLOW_TRACKING_URI names.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +34,15 @@ def open_logger(folder: Path, session: str, settings: Words) -> MlflowLog:
     run = client.create_run(experiment, run_name=session)
     for name, value in settings.items():
         client.log_param(run.info.run_id, name, value)
-    return MlflowLog(client, run.info.run_id)
+    opened_by = "" if server else f"mlflow ui --backend-store-uri {shlex.quote(str(folder))}"
+    return MlflowLog(client, run.info.run_id, opened_by)
 
 
 class MlflowLog:
     """`SessionLogger` that writes one run."""
 
-    def __init__(self, client: Any, run: str) -> None:
-        self._client, self._run = client, run
+    def __init__(self, client: Any, run: str, opened_by: str) -> None:
+        self._client, self._run, self.opened_by = client, run, opened_by
 
     def values(self, step: int, values: Values) -> None:
         """See `SessionLogger`."""

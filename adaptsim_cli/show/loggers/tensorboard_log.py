@@ -1,8 +1,9 @@
-"""A session for TensorBoard: `tensorboard --logdir FOLDER`."""
+"""A session for TensorBoard."""
 
 from __future__ import annotations
 
 import io
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ def open_logger(folder: Path, session: str, settings: Words) -> TensorBoardLog:
         from tensorboardX import SummaryWriter
     except ImportError as error:
         raise ExtraMissing(missing("the log for TensorBoard", "tensorboardX", "tensorboard")) from error
-    log = TensorBoardLog(SummaryWriter(str(folder)))
+    log = TensorBoardLog(SummaryWriter(str(folder)), f"tensorboard --logdir {shlex.quote(str(folder))}")
     log.words(0, "settings", ", ".join(f"{name} = {value}" for name, value in settings.items()))
     return log
 
@@ -28,8 +29,8 @@ def open_logger(folder: Path, session: str, settings: Words) -> TensorBoardLog:
 class TensorBoardLog:
     """`SessionLogger` that writes event files."""
 
-    def __init__(self, writer: Any) -> None:
-        self._writer = writer
+    def __init__(self, writer: Any, opened_by: str) -> None:
+        self._writer, self.opened_by = writer, opened_by
 
     def values(self, step: int, values: Values) -> None:
         """See `SessionLogger`."""

@@ -1,12 +1,10 @@
-"""A session for Weights & Biases, offline: `wandb sync FOLDER/wandb/offline-run-*` sends it, whenever you want.
-
-WANDB_MODE=online sends it at once.
-"""
+"""A session for Weights & Biases, offline. `wandb sync` sends it whenever you want; WANDB_MODE=online at once."""
 
 from __future__ import annotations
 
 import io
 import os
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -25,22 +23,23 @@ def open_logger(folder: Path, session: str, settings: Words) -> WandbLog:
         import wandb
     except ImportError as error:
         raise ExtraMissing(missing("the log for Weights & Biases", "wandb", "wandb")) from error
+    is_online = os.environ.get("WANDB_MODE") == "online"
     run = wandb.init(
         project=os.environ.get("WANDB_PROJECT", PROJECT),
         name=session,
         dir=str(folder),
-        mode="online" if os.environ.get("WANDB_MODE") == "online" else "offline",
+        mode="online" if is_online else "offline",
         config=dict(settings),
         settings=wandb.Settings(silent=True, console="off", disable_git=True, x_disable_stats=True),
     )
-    return WandbLog(run, wandb.Image)
+    return WandbLog(run, wandb.Image, "" if is_online else f"wandb sync {shlex.quote(str(folder))}/wandb/offline-run-*")
 
 
 class WandbLog:
     """`SessionLogger` that writes one run. The steps of a run must not go back, so the trial is logged as a value."""
 
-    def __init__(self, run: Any, as_image: Any) -> None:
-        self._run, self._as_image = run, as_image
+    def __init__(self, run: Any, as_image: Any, opened_by: str) -> None:
+        self._run, self._as_image, self.opened_by = run, as_image, opened_by
         run.define_metric("*", step_metric="trial")
 
     def values(self, step: int, values: Values) -> None:

@@ -29,7 +29,7 @@ from adaptsim_cli.show.dashboard import Dashboard
 from adaptsim_cli.show.live import LiveView, live_view
 from adaptsim_cli.show.server import LocalServer, Page
 from sim.adaptation.posterior import Posterior
-from sim.types import Dimension
+from sim.types import Dimension, Space
 
 HTML = (resources.files("adaptsim_cli.show") / "live.html").read_text()
 
@@ -188,3 +188,10 @@ def test_the_values_of_a_parameter_share_the_unit_of_its_range():
         "high": "500",
         "now": ["75.7", "19.7"],
     }
+
+
+def test_a_category_is_shown_by_its_words_and_not_by_numbers():
+    shape = Dimension("g", "", 0, 1, "integer", meaning="0 ellipsoid, 1 cylinder")
+    ends = {"unit": "", "low": "ellipsoid", "high": "cylinder"}
+    assert live_state._values(shape, np.array([0.8, 0.0])) == {**ends, "now": ["cylinder", "ellipsoid"]}
+    assert live_state.quantities(Space((shape,)), {"g": 1.0})[0]["value"] == "cylinder"

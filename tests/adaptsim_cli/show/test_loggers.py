@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,6 +30,7 @@ LOGBOOK = """
 KEPT = []
 
 class Book:
+    opened_by = "read book"
     def __init__(self, session): self.session = session
     def values(self, step, values): KEPT.append(("values", step, dict(values)))
     def words(self, step, name, text): KEPT.append(("words", step, name, text))
@@ -71,7 +73,8 @@ def logged_run(home: Path, *names: str, iterations: int = 1) -> tuple[SessionSto
 
 
 def test_a_logger_of_a_package_gets_reward_parameters_verdict_and_pictures(logbook: list[Any], place: Path) -> None:
-    store, _ = logged_run(place.parent / "home", "book")
+    store, text = logged_run(place.parent / "home", "book")
+    assert re.search(r"Log for book: .*; open it with `read book`", " ".join(text.split()))
     assert logbook[0] == ("opened", NAME, "toy", []) and logbook[-1] == ("closed", NAME)
     trials, (result,) = played_of(store), results_of(store)
     values = [one[1:] for one in logbook if one[0] == "values"]

@@ -127,7 +127,7 @@ class Config(Record):
         Field(description="solver of task policies: emulator, naf, or direct without Phase 1; empty: as pretrained"),
     ] = ""
     object: Annotated[
-        str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
+        str, Field(description="TOML file of your object, or the name of a shipped one (docs/guide/own-objects.md)")
     ] = ""
     realtime: Annotated[
         bool, Field(description="the simulated lab moves at the arm's own pace, so that you can watch")

@@ -109,7 +109,9 @@ AnswerMoves = Annotated[
     str | None,
     robot("--answer-moves", "What that program moves: robot (each trial confirmed) or nothing.", show_default="robot"),
 ]
-Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
+Object = Annotated[
+    str | None, typer.Option("--object", help="TOML file of your own object, or a shipped one: blunt-edge.")
+]
 Solver = Annotated[
     str | None,
     advanced("--solver", "How task policies are found: emulator, naf, or direct (without Phase 1)."),

@@ -339,8 +339,10 @@ def _recorded_jobs(request: BenchmarkRequest, trials: RecordedTrials) -> list[Jo
 
 def _own_object(request: BenchmarkRequest) -> str:
     """The absolute path of the object's file, because workers run in another folder; empty without an object."""
-    file = request.resolved.config.object
-    return str(Path(file).absolute()) if file else ""
+    from sim.tasks.own_object import object_file
+
+    config = request.resolved.config
+    return str(object_file(config.task, config.object).absolute()) if config.object else ""
 
 
 def _found_again(checkpoint: Checkpoint) -> str:

@@ -6,7 +6,6 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.posterior import Posterior
     from sim.lab.world import World
+    from sim.tasks.task import Task
 
 BELIEVED = (0.05, 0.5, 0.95)
 """Lower end, median and upper end of a session's posterior of a parameter."""
@@ -74,7 +74,7 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
                 zip(task.parameters.dimensions, world.parameters, believed, strict=True)
             )
         ],
-        unmodelled=_unmodelled(world),
+        unmodelled=_unmodelled(task, world),
         trials=len(trials),
         rewards=[
             float(np.mean([trial.reward for trial in trials if trial.iteration == number]))
@@ -98,14 +98,13 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
     return None
 
 
-def _unmodelled(world: World) -> list[str]:
-    """The effects in which a world differs from training, by name; pictures and time steps are not effects."""
-    if not is_dataclass(world.unmodelled):
-        return []
+def _unmodelled(task: Task, world: World) -> list[str]:
+    """The effects in which a world differs from training, or from the scene of an own object, by name; pictures and
+    time steps are not effects.
+    """
+    trained = vars(task.unmodelled() if task.scene is None else task.scene)
     return [
-        field.name
-        for field in fields(world.unmodelled)
-        if field.name not in _NO_EFFECTS and getattr(world.unmodelled, field.name) != field.default
+        name for name, value in vars(world.unmodelled).items() if name not in _NO_EFFECTS and value != trained[name]
     ]
 
 

@@ -32,9 +32,12 @@ from pydantic import Field, ValidationError
 from hw.bounded import Unreadable, read_table
 from hw.records import HandWritten
 from sim.errors import ObjectError
-from sim.tasks import get_task
+from sim.tasks import files_of, get_task
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
+
+OBJECT = "object.toml"
+"""The file of an object beside the checkpoint that ships for it."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,22 @@ class _File(HandWritten):
     effects: dict[str, float | tuple[float, ...]] = Field(default_factory=dict)  # of the scene, as in a world's file
 
 
+def shipped_objects(task: str) -> dict[str, Path]:
+    """The objects of a task that have a shipped checkpoint of their own: name -> file."""
+    return {file.parent.name: file for file in sorted(files_of(task, "checkpoints").glob(f"*/{OBJECT}"))}
+
+
+def object_file(task: str, named: str) -> Path:
+    """The file of an object, by its path or by the name of a shipped one. Raises ObjectError if there is neither."""
+    path, shipped = Path(named), shipped_objects(task)
+    if named in shipped:
+        return shipped[named]
+    if not path.is_file() and not path.suffix:
+        names = f"shipped objects of {task}: {', '.join(shipped)}" if shipped else f"{task} ships no objects"
+        raise ObjectError(f"there is no object {named}: give the path of a TOML file ({names})")
+    return path
+
+
 def load_object(path: Path) -> OwnObject:
     """The object that a TOML file describes. Raises ObjectError naming file and key."""
     try:
@@ -85,10 +104,12 @@ def load_object(path: Path) -> OwnObject:
         raise ObjectError(f"{path}: {error}") from error
 
 
-def task_of_object(name: str, file: str = "") -> Task:
-    """The task `name`, with the ranges of the object in `file` if there is one. Raises UnknownName, ObjectError."""
+def task_of_object(name: str, named: str = "") -> Task:
+    """The task `name` with the ranges of the object, by its file or its shipped name. Raises UnknownName,
+    ObjectError.
+    """
     task = get_task(name)
-    return with_ranges(task, load_object(Path(file))) if file else task
+    return with_ranges(task, load_object(object_file(name, named))) if named else task
 
 
 def as_toml(task: Task, own: OwnObject) -> str:

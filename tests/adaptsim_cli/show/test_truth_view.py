@@ -8,7 +8,10 @@ import pytest
 from rich.console import Console
 
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
-from adaptsim_cli.show import figures, truth_view
+from adaptsim_cli.show import figures, truth, truth_view
+from sim.lab.world import load_world
+from sim.tasks import get_task
+from sim.tasks.own_object import task_of_object
 
 SHAPE = RevealedParameter(
     name="g", plain_name="shape", unit="", meaning="0 ellipsoid, 1 cylinder, 2 box", scale="integer",
@@ -104,3 +107,9 @@ def test_a_belief_that_misses_the_truth_says_why():
     assert said.startswith("The belief misses stiffness and shape. The true stiffness lies beyond the range")
     assert "reproduces the observed motions" in said
     assert said.endswith("This world also differs in density scale and edge, which no parameter expresses.")
+
+
+def test_an_object_whose_scene_has_the_edge_of_the_world_does_not_differ_in_it():
+    world = load_world("oreo", get_task("scooping"))
+    assert truth._unmodelled(get_task("scooping"), world) == ["density_scale", "edge"]
+    assert truth._unmodelled(task_of_object("scooping", "blunt-edge"), world) == ["density_scale"]

@@ -18,7 +18,7 @@ from sim.rollouts.executors import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks import get_task
 from sim.tasks.fingerprint import fingerprint
-from sim.tasks.own_object import OwnObject, as_toml, load_object, with_ranges
+from sim.tasks.own_object import OwnObject, as_toml, load_object, task_of_object, with_ranges
 
 TOFU = """
 task = "scooping"
@@ -90,6 +90,19 @@ def test_what_is_wrong_is_named(tmp_path, old, new, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ObjectError, match=r"no object file .*nowhere\.toml"):
         load_object(tmp_path / "nowhere.toml")
+
+
+def test_a_shipped_object_is_named_from_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    task = task_of_object("scooping", "blunt-edge")
+    assert task.scene is not None and task.scene.edge == (0.0011, 3000.0) and get_task("scooping").scene is None
+
+
+def test_an_unknown_name_is_refused_with_the_shipped_ones():
+    with pytest.raises(ObjectError, match=r"no object blunt: give .* \(shipped objects of scooping: blunt-edge\)"):
+        task_of_object("scooping", "blunt")
+    with pytest.raises(ObjectError, match="pendulum ships no objects"):
+        task_of_object("pendulum", "blunt-edge")
 
 
 def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -15,16 +14,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
-from zstandard import ZstdError
 
 from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import topics
+from adaptsim_cli.session.mcap_errors import DAMAGED
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.store import PRUNED, SessionStore
 from hw.bounded import decode_image, encode_image
@@ -209,10 +207,6 @@ def read(path: Path) -> Recording:
         return _read(reader)
 
 
-DAMAGED = (McapError, ZstdError, OSError, EOFError, ArithmeticError, LookupError, ValueError, MemoryError, struct.error)
-"""The readers' errors on a damaged MCAP file. A wrong length raises the arithmetic error or the memory error."""
-
-
 @contextmanager
 def opened(path: Path) -> Iterator[McapReader]:
     """A reader of an MCAP file that verifies its checksums. Raises SessionError naming the file if it is damaged."""
@@ -233,10 +227,7 @@ def require_whole(path: Path) -> None:
 
 
 def _read(reader: McapReader) -> Recording:
-    camera = None
-    for attachment in reader.iter_attachments():
-        if attachment.name == "camera.json":
-            camera = json.loads(attachment.data)
+    camera = next((json.loads(one.data) for one in reader.iter_attachments() if one.name == "camera.json"), None)
     if camera is None:
         raise SessionError("the recording has no camera.json")
     images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}

@@ -66,7 +66,7 @@ def encode(kind: str, fields: Mapping[str, Any]) -> bytes:
 
 
 def decode(kind: str, message: bytes) -> Any:
-    """The fields of a message of type `kind`, as attributes. Raises one of `recording.DAMAGED` if it is truncated."""
+    """The fields of a message of type `kind`, as attributes. Raises one of `mcap_errors.DAMAGED` if it is truncated."""
     return _decoder(kind)(message)
 
 

@@ -36,9 +36,6 @@ from sim.tasks import files_of, get_task
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
-OBJECT = "object.toml"
-"""The file of an object beside the checkpoint that ships for it."""
-
 
 @dataclass(frozen=True)
 class OwnObject:
@@ -69,20 +66,13 @@ class _File(HandWritten):
     effects: dict[str, float | tuple[float, ...]] = Field(default_factory=dict)  # of the scene, as in a world's file
 
 
-def shipped_objects(task: str) -> dict[str, Path]:
-    """The objects of a task that have a shipped checkpoint of their own: name -> file."""
-    return {file.parent.name: file for file in sorted(files_of(task, "checkpoints").glob(f"*/{OBJECT}"))}
-
-
 def object_file(task: str, named: str) -> Path:
-    """The file of an object, by its path or by the name of a shipped one. Raises ObjectError if there is neither."""
-    path, shipped = Path(named), shipped_objects(task)
-    if named in shipped:
-        return shipped[named]
-    if not path.is_file() and not path.suffix:
-        names = f"shipped objects of {task}: {', '.join(shipped)}" if shipped else f"{task} ships no objects"
-        raise ObjectError(f"there is no object {named}: give the path of a TOML file ({names})")
-    return path
+    """The file of an object, by its path or by the name of a shipped one. Raises ObjectError on another name."""
+    shipped = {file.parent.name: file for file in sorted(files_of(task, "checkpoints").glob("*/object.toml"))}
+    if named not in shipped and not Path(named).suffix:
+        names = ", ".join(shipped) or "none"
+        raise ObjectError(f"there is no object {named}: give the path of a TOML file, or a shipped name ({names})")
+    return shipped.get(named, Path(named))
 
 
 def load_object(path: Path) -> OwnObject:
@@ -105,9 +95,7 @@ def load_object(path: Path) -> OwnObject:
 
 
 def task_of_object(name: str, named: str = "") -> Task:
-    """The task `name` with the ranges of the object, by its file or its shipped name. Raises UnknownName,
-    ObjectError.
-    """
+    """The task `name`, with the ranges of an object if one is named. Raises UnknownName, ObjectError."""
     task = get_task(name)
     return with_ranges(task, load_object(object_file(name, named))) if named else task
 
@@ -152,12 +140,11 @@ def with_ranges(task: Task, own: OwnObject) -> Task:
 
 
 def _require_known(own: OwnObject, entries: Mapping[str, Any], names: Sequence[str], what: str) -> None:
-    for key in entries:
-        if key not in names:
-            near = difflib.get_close_matches(key, names, n=1)
-            hint = f", did you mean {near[0]}?" if near else ";"
-            listing = ", ".join(names) or "none"
-            raise ObjectError(f"the object {own.name}: {own.task} has no {what} {key!r}{hint} There are: {listing}")
+    for key in [key for key in entries if key not in names]:
+        near = difflib.get_close_matches(key, names, n=1)
+        hint = f", did you mean {near[0]}?" if near else ";"
+        listing = ", ".join(names) or "none"
+        raise ObjectError(f"the object {own.name}: {own.task} has no {what} {key!r}{hint} There are: {listing}")
 
 
 def _sized(usual: Dimension, own: OwnObject) -> Dimension:

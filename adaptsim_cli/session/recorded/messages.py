@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from adaptsim_cli.session.mcap_errors import DAMAGED
 from adaptsim_cli.session.recorded.manifest import Mcap, RawTrial
-from adaptsim_cli.session.recording import DAMAGED
 from hw.bounded import Unreadable, require_file
 from sim.errors import RecordingsRefused
 
@@ -63,7 +63,6 @@ def _trial(path: Path, source: Mcap) -> RawTrial:
 
 def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
     """The decoded messages of these topics, by their log time; every checksum of the file is verified."""
-    from mcap.exceptions import McapError
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -78,7 +77,7 @@ def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
                 yield _Message(channel.topic, content, times)
     except GeneratorExit:
         raise
-    except (*DAMAGED, Unreadable, McapError, AttributeError, TypeError, RecursionError) as error:
+    except (*DAMAGED, Unreadable, AttributeError, TypeError, RecursionError) as error:
         reason = str(error) or f"it ends too early ({type(error).__name__})"
         raise RecordingsRefused(f"{path} is not a readable MCAP file of ROS 2 messages: {reason}") from error
     except Exception as error:  # the parser of message definitions raises plain exceptions

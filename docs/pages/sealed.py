@@ -51,7 +51,7 @@ SEALED_HEAD = """# Sealed benchmark
 
 The worlds come from a random seed that nobody chose. They were opened once, after the code was frozen ([rules](../reference/benchmark.md#sealed-worlds)). `make docs` writes this page from `docs/results/sealed/`.
 
-*Reward* is the mean reward of the final policy over the worlds, with its 95 % interval (Student's t). *`adaptsim` minus it* is paired by world. A world is *in need* if its best action earns at least 0.1 more than the best fixed rule. All entries use one training seed.
+*Reward* is the mean reward of the final policy over the worlds, with its 95 % interval (Student's t). *`adaptsim` minus it* is paired by world. A world is *in need* if its best action earns at least 0.1 more than the best fixed rule. Entries use one training seed, unless the heading names several.
 """
 
 OWN_HEAD = """# What there is to adapt
@@ -171,7 +171,9 @@ def sealed_entry(name: str, entry: str, stratum: str = ALL) -> StratumSummary:
 
 def _benchmark(name: str) -> Iterator[str]:
     stored, summary = sealed_summary(name)
-    yield f"## {stored['task'].capitalize()}, {stored['trials']} trials"
+    trainings = len(stored["checkpoints"])
+    several = f", {trainings} trainings" if trainings > 1 else ""
+    yield f"## {stored['task'].capitalize()}, {stored['trials']} trials{several}"
     yield ""
     yield (
         f"Seed {stored['seed']}, rule `{stored['rule']}`, drawn {stored['drawn']}, opened {stored['opened']} by commit "

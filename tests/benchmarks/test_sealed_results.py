@@ -43,6 +43,16 @@ def test_results_of_another_seal_are_refused(tmp_path):
         sealed.stored(tmp_path, tmp_path / "seal.toml")
 
 
+def test_trainings_share_the_worlds_and_entries_that_all_of_them_have(tmp_path):
+    first, second = run_folder(tmp_path / "first", 3), run_folder(tmp_path / "second", 2)
+    second["rows"] = [row for row in second["rows"] if row[1] != "best-action"]
+    both = sealed.together([first, second])
+    assert (both["worlds"], len(both["checkpoints"]), len(both["rows"])) == (2, 2, 8)
+    assert {(row[1], row[2]) for row in both["rows"]} == {(e, k) for e in ("udr", "adaptsim") for k in (0, 1)}
+    with pytest.raises(SystemExit, match="differ in more than their checkpoints"):
+        sealed.together([first, {**second, "trials": 4}])
+
+
 def test_a_fixed_rule_is_scored_in_truths_that_did_not_choose_it():
     rng = np.random.default_rng(0)
     noise = rng.random((200, 50, 1))  # every action is equally good: choosing one by its luck gains nothing

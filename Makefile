@@ -57,7 +57,7 @@ demo: $(RUNS)
 	ADAPTSIM_PARTICLES=1 $(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \
 	$(BIN)/adaptsim run-iteration $$lab --iterations 5 --until-done --session $$name && \
 	$(BIN)/adaptsim compare $$name-udr $$name && \
-	echo "UDR earns less here because this turner has a blunt edge, and the default simulator a bevelled one. With the blunt" \
+	echo "UDR earns less than adaptsim here, because this turner has a blunt edge, and the default simulator a bevelled one. With the blunt" \
 	"edge in the simulator (--object blunt-edge), little is left to adapt: docs/results/what-there-is-to-adapt.md"
 
 # A test that hangs where no signal reaches it ends its process after this time, and the others go on.

@@ -92,8 +92,7 @@ def checkpoint_of(settings: Config) -> Checkpoint:
         return load_checkpoint(task, settings.checkpoint or usual_checkpoint(task))
     if not (fitting := _pretrained(task)):
         raise CheckpointError(
-            f"nothing is pretrained for the ranges of {settings.object} yet: adaptsim pretrain --task {task.name} "
-            f"--object {settings.object}"
+            f"nothing is pretrained for the ranges of {settings.object} yet: adaptsim pretrain {settings.same_task}"
         )
     return load_checkpoint(task, str(fitting[-1]))
 

@@ -110,7 +110,7 @@ AnswerMoves = Annotated[
     robot("--answer-moves", "What that program moves: robot (each trial confirmed) or nothing.", show_default="robot"),
 ]
 Object = Annotated[
-    str | None, typer.Option("--object", help="TOML file of your own object, or a shipped one: blunt-edge.")
+    str | None, typer.Option("--object", help="TOML file of your own object, or a shipped one, e.g. blunt-edge.")
 ]
 Solver = Annotated[
     str | None,

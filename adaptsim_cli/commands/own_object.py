@@ -104,7 +104,7 @@ def own_object(
             f"last position {1e3 * held_out['position_error_median']:.1f} mm off (median)."
         )
     steps = [
-        (f"adaptsim run-iteration --task {own.task} --object {file}", "a session with it"),
+        (f"adaptsim run-iteration {chosen.same_task}", "a session with it"),
         (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"),
     ]
     return Reply(data, text, steps)

@@ -128,7 +128,7 @@ These commands make the table:
     adaptsim object bevelled --task scooping --effect density_scale=1.0 --rollouts 3072
     python benchmarks/retrain.py DATASET --task scooping --object blunt-edge --seed 1 --out blunt-edge-1
 
-Continue in the same way up to foods-720120299-19, with foods-554199971-0 to 19, and with raisin, carrot, cucumber, sprout, mushroom-slice and oreo. Leave `--object` out for the first column; the control is `--object bevelled.toml`. Its effect changes nothing. DATASET is the folder `dataset` that `adaptsim object` leaves in the data folder; a further training is used with `ADAPTSIM_CHECKPOINT=blunt-edge-1`. The worlds with a bevelled edge are `drawn-554199971-N` with N = 0, 3, 6, 8, 9, 10, 11, 13, 15, 20, 22, 24, 25, 26, 27, 29, 31, 32, 33 and 34. **Not measured:** a training at full size, and one whose edge is drawn at random (but [decision 12](../decisions/0012-edge-foods-and-a-standing-bottle.md) tried a third of the size).
+The second and the third command name only the first two foods. Run them for all worlds: foods-720120299-0 to 19, foods-554199971-0 to 19, and raisin, carrot, cucumber, sprout, mushroom-slice and oreo. The worlds with a bevelled edge are `drawn-554199971-N` with N = 0, 3, 6, 8, 9, 10, 11, 13, 15, 20, 22, 24, 25, 26, 27, 29, 31, 32, 33 and 34. Leave `--object` out for `default`. The control is `--object bevelled.toml`, and its effect changes nothing. DATASET is the folder `dataset` that `adaptsim object` leaves in the data folder. The setting `ADAPTSIM_CHECKPOINT=blunt-edge-1` uses a further training. **Not measured:** a training at full size, and one whose edge is drawn at random (but [decision 12](../decisions/0012-edge-foods-and-a-standing-bottle.md) tried a third of the size).
 """
 
 

@@ -20,7 +20,7 @@ class SessionLogger(Protocol):
     """Keeps one session. Steps are numbers of trials; names have a group before a slash, e.g. `parameter/mu`."""
 
     opened_by: str
-    """The shell command that shows the log; empty if the log is not on this computer."""
+    """The shell command that shows the log on this computer; empty: none."""
 
     def values(self, step: int, values: Values) -> None:
         """Keep numbers by name."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +31,16 @@ def open_logger(folder: Path, session: str, settings: Words) -> WandbLog:
         config=dict(settings),
         settings=wandb.Settings(silent=True, console="off", disable_git=True, x_disable_stats=True),
     )
-    return WandbLog(run, wandb.Image, "" if is_online else f"wandb sync {shlex.quote(str(folder))}/wandb/offline-run-*")
+    return WandbLog(run, wandb.Image)
 
 
 class WandbLog:
     """`SessionLogger` that writes one run. The steps of a run must not go back, so the trial is logged as a value."""
 
-    def __init__(self, run: Any, as_image: Any, opened_by: str) -> None:
-        self._run, self._as_image, self.opened_by = run, as_image, opened_by
+    opened_by = ""  # `wandb sync` sends the log to a server, which is for the user to decide
+
+    def __init__(self, run: Any, as_image: Any) -> None:
+        self._run, self._as_image = run, as_image
         run.define_metric("*", step_metric="trial")
 
     def values(self, step: int, values: Values) -> None:
